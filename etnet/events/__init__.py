@@ -1,0 +1,1 @@
+"""Event recordings: what they hold and how any file becomes one."""

@@ -1,0 +1,188 @@
+"""A recording: random access to the events of one file, its ground truth, and what was noticed on opening it."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from jaxtyping import Float32, Int64
+
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+
+INDEX_BLOCK = 65_536
+"""Events between two stamps that `index_at` remembers."""
+
+
+class Span(NamedTuple):
+    """The stamps of the first and the last event, µs on the file's clock."""
+
+    start: int
+    stop: int
+
+    @property
+    def duration(self) -> int:
+        """Microseconds from the first event to the last."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something a reader noticed: found in the file, mended, or taken for granted. Law 6: none is kept silent."""
+
+    kind: Literal["detected", "repaired", "assumed"]
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTruth:
+    """Frames of an ordinary camera, read one at a time.
+
+    `stamps` are µs on the events' clock, ascending. `read_frame(i)` gives values in 0 … 1.
+    `read_flow(i)`, where the file has it, gives the optical flow from frame i − 1 to frame i in pixels (x, y).
+    """
+
+    stamps: Int64[np.ndarray, " n"]
+    read_frame: Callable[[int], Float32[np.ndarray, "h w"]]
+    read_flow: Callable[[int], Float32[np.ndarray, "2 h w"]] | None = None
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def nearest(self, t: int) -> int:
+        """The index of the frame whose stamp is nearest to `t` (µs); the earlier of two equally near."""
+        after = int(np.searchsorted(self.stamps, t))
+        if after == 0:
+            return 0
+        if after == len(self.stamps):
+            return after - 1
+        return after if self.stamps[after] - t < t - self.stamps[after - 1] else after - 1
+
+
+class EventSource(Protocol):
+    """Where a recording's events lie. `read` is a slice by index, safe from two threads, ordered in time."""
+
+    @property
+    def num_events(self) -> int:
+        """How many events there are."""
+        ...
+
+    def read(self, start: int, stop: int) -> Events:
+        """Events start … stop − 1, columns as `Events` demands them. 0 ≤ start ≤ stop ≤ num_events."""
+        ...
+
+    def close(self) -> None:
+        """Give back files and memory."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class MemorySource:
+    """Events that are held in memory: decoded once, or made up by a test."""
+
+    events: Events
+
+    @property
+    def num_events(self) -> int:
+        """How many events there are."""
+        return len(self.events)
+
+    def read(self, start: int, stop: int) -> Events:
+        """A view, not a copy."""
+        return self.events[start:stop]
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One opened recording. `format` is the layout in plain words ("DSEC HDF5"), `path` where it came from."""
+
+    name: str
+    format: str
+    source: EventSource
+    sensor: Sensor
+    span: Span
+    remarks: tuple[Remark, ...] = ()
+    ground_truth: GroundTruth | None = None
+    path: Path | None = None
+    _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
+    _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
+    _lock: Lock = field(default_factory=Lock, repr=False)
+
+    @property
+    def num_events(self) -> int:
+        """How many events the recording holds."""
+        return self.source.num_events
+
+    def read(self, start: int, stop: int) -> Events:
+        """Events start … stop − 1 (half open)."""
+        if not 0 <= start <= stop <= self.num_events:
+            raise RecordingError(
+                f"{self.name}: asked for events {start} … {stop}, it has {self.num_events}; "
+                "take indices from a window or from `index_at`"
+            )
+        return self.source.read(start, stop)
+
+    def index_at(self, t: int) -> int:
+        """The index of the first event whose stamp is ≥ `t` (µs); `num_events` when there is none."""
+        if t <= self.span.start:
+            return 0
+        if t > self.span.stop:
+            return self.num_events
+        low, high = 0, (self.num_events - 1) // INDEX_BLOCK
+        while low < high:
+            middle = (low + high + 1) // 2
+            low, high = (middle, high) if self._first_stamp(middle) < t else (low, middle - 1)
+        return low * INDEX_BLOCK + int(np.searchsorted(self._block(low), t))
+
+    def close(self) -> None:
+        """Give back files and memory; the recording cannot be read afterwards."""
+        self.source.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _first_stamp(self, block: int) -> int:
+        if block not in self._first_stamps:
+            start = block * INDEX_BLOCK
+            self._first_stamps[block] = int(self.source.read(start, start + 1).t[0])
+        return self._first_stamps[block]
+
+    def _block(self, block: int) -> Int64[np.ndarray, " n"]:
+        with self._lock:
+            if block in self._blocks:
+                self._blocks.move_to_end(block)
+                return self._blocks[block]
+        start = block * INDEX_BLOCK
+        stamps = np.array(self.source.read(start, min(start + INDEX_BLOCK, self.num_events)).t)
+        with self._lock:
+            self._blocks[block] = stamps
+            while len(self._blocks) > 8:
+                self._blocks.popitem(last=False)
+        return stamps
+
+
+def recording_of_events(
+    events: Events, name: str = "events", remarks: Sequence[Remark] = (), ground_truth: GroundTruth | None = None
+) -> Recording:
+    """Wrap events in memory as a recording. They must be ordered in time."""
+    if len(events) and (np.diff(events.t) < 0).any():
+        first = int(np.argmax(np.diff(events.t) < 0)) + 1
+        raise RecordingError(
+            f"{name}: time runs back at event {first} ({events.t[first - 1]} > {events.t[first]} µs); sort them first"
+        )
+    span = Span(int(events.t[0]), int(events.t[-1])) if len(events) else Span(0, 0)
+    return Recording(name, "memory", MemorySource(events), events.sensor, span, tuple(remarks), ground_truth)
