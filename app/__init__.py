@@ -1,0 +1,1 @@
+"""The viewer: recordings, their reconstruction and what the network looks at, in a browser."""
