@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from etnet.events.events import Events, Sensor
 
-
 SMALL = Sensor(20, 12)
 
 
