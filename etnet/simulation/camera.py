@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from etnet.simulation.config import SceneConfig
 from etnet.simulation.draw import log_uniform
@@ -157,33 +157,31 @@ def _draw_halts(rng: np.random.Generator, side: int) -> Float64[np.ndarray, "2 m
     """Stretches of going and halting by turns, in distance, over more of it than any clip runs."""
     stretches = log_uniform(rng, (0.05 * side, 0.8 * side), 200)
     going = np.arange(200) % 2 == int(rng.integers(2))
-    return np.stack(
-        [np.concatenate([[0.0], np.cumsum(stretches)]), np.concatenate([[0.0], np.cumsum(stretches * going)])]
-    )
+    # Before distance 0, where a clip's lead lies, it goes.
+    s, own = np.cumsum(stretches), np.cumsum(stretches * going)
+    return np.stack([np.concatenate([[-1e4, 0.0], s]), np.concatenate([[-1e4, 0.0], own])])
 
 
 def draw_clock(
     rng: np.random.Generator, edges: Float64[np.ndarray, " k"], lead_us: float, config: SceneConfig, pause_stay: float
-) -> tuple[Clock, np.ndarray]:
+) -> tuple[Clock, Bool[np.ndarray, " k_minus_1"]]:
     """A clock of mean speed 1 a mean window while it runs, and which windows are paused: in those it stands still.
 
-    It begins `lead_us` before the first edge. The first window is never paused.
+    It stands at 0 at the first edge and begins `lead_us` before it. The first window is never paused.
     """
     num_windows, knots = len(edges) - 1, 8
     is_paused = np.zeros(num_windows, bool)
     for i in range(1, num_windows):
         is_paused[i] = rng.random() < (pause_stay if is_paused[i - 1] else config.pause_start)
-    t = np.concatenate([edges[:-1, None] + np.diff(edges)[:, None] * np.arange(knots) / knots, [[edges[-1]] * knots]])
-    t = t.ravel()[: num_windows * knots + 1]
+    shares = np.arange(knots) / knots
+    t = np.append((edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel(), edges[-1])
     phase = (t[:-1] - edges[0]) / (edges[-1] - edges[0])
     swing, turns, start = rng.uniform(0, 1), log_uniform(rng, (0.5, 6.0)), rng.uniform(0, 2 * np.pi)
     speed = np.exp(swing * np.sin(2 * np.pi * turns * phase + start))
-    speed /= speed.mean() * (edges[-1] - edges[0]) / num_windows
+    speed *= num_windows / (speed * np.diff(t)).sum()
     steps = np.diff(t) * speed * ~np.repeat(is_paused, knots)
-    lead = lead_us * speed[0]
-    return Clock(
-        np.concatenate([[edges[0] - lead_us], t]), np.concatenate([[0.0, lead], lead + np.cumsum(steps)])
-    ), is_paused
+    s = np.concatenate([[-lead_us * speed[0], 0.0], np.cumsum(steps)])
+    return Clock(np.concatenate([[edges[0] - lead_us], t]), s), is_paused
 
 
 def largest_steps(

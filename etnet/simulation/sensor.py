@@ -158,11 +158,11 @@ def draw_noise(
 
 
 def events_of(crossings: list[Crossings], sensor: Sensor) -> Events:
-    """One ordered list of events; stamps are rounded to whole µs."""
+    """One ordered list of events, stamped with the whole microsecond in which they fell."""
     if not crossings:
         return Events.empty(sensor)
     pixel, t, p = (np.concatenate(column) for column in zip(*crossings, strict=True))
     order = np.argsort(t, kind="stable")
     pixel = pixel[order]
     y, x = np.divmod(pixel, sensor.width)
-    return Events(x.astype(np.uint16), y.astype(np.uint16), np.rint(t[order]).astype(np.int64), p[order], sensor)
+    return Events(x.astype(np.uint16), y.astype(np.uint16), np.floor(t[order]).astype(np.int64), p[order], sensor)
