@@ -26,7 +26,7 @@ class Reconstruct:
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
-    """between-frames, count=10000, density=0.35, duration=20ms[/5ms]. Default: between frames where there are some, else density=0.35."""
+    """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
     gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
