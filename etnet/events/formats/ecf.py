@@ -1,6 +1,6 @@
 """Prophesee's ECF compression of HDF5 chunks (filter 36559), decoded with numpy.
 
-A chunk is: u32 header (number of events · 4 + mode) · u64 first time · times as (step, count) nibbles · then, by mode,
+A chunk is: u32 header (number of events · 4 + mode) · u64 first time · times as (step, count) nibbles · then by mode
 all of y, x, p packed in 24 bits (2), or y run-lengths and x, p packed in 12 bits (1), or y run-lengths, x with a mask of
 five neighbours, and p run-lengths (0). A count at its maximum is followed by the true one in 16 bits.
 Layout: prophesee-ai/hdf5_ecf, the codec's documentation and the files it writes.
@@ -54,7 +54,7 @@ def decode_chunk(content: bytes) -> Chunk:
 
 
 def _times(content: bytes, num_events: int) -> tuple[Int64[np.ndarray, " n"], int]:
-    """Each byte: high nibble a step in µs, low nibble how many events; a step of 15 adds the low nibble to a long step."""
+    """High nibble: a step in µs; low nibble: how many events. A step of 15 adds the low nibble to a long step."""
     start, look = 12, _FIRST_LOOK
     while True:
         octets = np.frombuffer(content, np.uint8, min(look, len(content) - start), start).astype(np.int64)
@@ -83,9 +83,7 @@ def _times(content: bytes, num_events: int) -> tuple[Int64[np.ndarray, " n"], in
     return np.repeat(times[: last + 1], count[: last + 1])[:num_events], start + used
 
 
-def _runs(
-    content: bytes, start: int, num_events: int, word: str, num_bits: int
-) -> tuple[Int64[np.ndarray, " n"], int]:
+def _runs(content: bytes, start: int, num_events: int, word: str, num_bits: int) -> tuple[Int64[np.ndarray, " n"], int]:
     """(value, count) words; the count has `num_bits`, and its maximum means that 16 bits follow with the true one."""
     size, maximum = np.dtype(word).itemsize, (1 << num_bits) - 1
     available, look = (len(content) - start) // size, _FIRST_LOOK

@@ -26,7 +26,7 @@ def decode_libcaer(packet: Packet) -> Decoded:
 
 
 def decode_libcaer_cmp(packet: Packet) -> Decoded:
-    """12 bits of payload under a 4-bit code: times, x, then y with polarity, or a base y and masks of eight rows each."""
+    """12 bits under a 4-bit code: times, x, then y with polarity, or a base y and masks of eight rows each."""
     words = np.frombuffer(packet.content, "<u2", len(packet.content) // 2)
     code, value = words >> 12, (words & 0xFFF).astype(np.int64)
     micros = (held(value, code == _TIME_HIGH, 0) << 12) | held(value, code == _TIME_LOW, 0)

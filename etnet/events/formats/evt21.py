@@ -1,8 +1,8 @@
 """Prophesee EVT 2.1: 64-bit words, each with a base pixel and a mask of 32 pixels to its right.
 
-Layout: docs.prophesee.ai, "EVT 2.1 format": type 4 bits, low time 6, x 11, y 11, mask 32; type 8 carries the high 28 bits
-of the time. With the header's "endianness legacy" the two halves of a word are swapped. Decoded here because readers that
-look only at "evt 2" take it for EVT 2.0 and give twice the events, all wrong.
+Layout: docs.prophesee.ai, "EVT 2.1 format": type 4 bits, low time 6, x 11, y 11, mask 32; type 8 carries the high 28
+bits of the time. With the header's "endianness legacy" the two halves of a word are swapped. Decoded here because
+readers that look only at "evt 2" take it for EVT 2.0 and give twice the events, all wrong.
 """
 
 from __future__ import annotations

@@ -26,14 +26,15 @@ _HELD_CHUNKS = 32
 class _EcfChunks:
     """Decoded chunks, the last few of them kept."""
 
-    def __init__(self, table: h5py.Dataset, name: str) -> None:
+    def __init__(self, table: h5py.Dataset, size: int, name: str) -> None:
         self._table = table
+        self._size = size
         self._name = name
         self._held: OrderedDict[int, Chunk] = OrderedDict()
 
     def read(self, start: int, stop: int) -> Decoded:
         """Events start … stop − 1."""
-        size = self._table.chunks[0]
+        size = self._size
         if start == stop:
             none = np.empty(0, np.int64)
             return Decoded(none, none, none, none)
@@ -46,7 +47,7 @@ class _EcfChunks:
         if i in self._held:
             self._held.move_to_end(i)
             return self._held[i]
-        size = self._table.chunks[0]
+        size = self._size
         mask, content = self._table.id.read_direct_chunk((i * size,))
         try:
             chunk = _plain(content, self._table.dtype) if mask else decode_chunk(content)
@@ -54,7 +55,9 @@ class _EcfChunks:
             raise RecordingError(f"{self._name}: chunk {i} of CD/events is damaged ({slip})") from slip
         wanted = min(size, len(self._table) - i * size)
         if len(chunk.t) < wanted:
-            raise RecordingError(f"{self._name}: chunk {i} of CD/events holds {len(chunk.t)} events instead of {wanted}")
+            raise RecordingError(
+                f"{self._name}: chunk {i} of CD/events holds {len(chunk.t)} events instead of {wanted}"
+            )
         chunk = Chunk(*(column[:wanted] for column in chunk))
         self._held[i] = chunk
         while len(self._held) > _HELD_CHUNKS:
@@ -77,7 +80,7 @@ def open_metavision(request: Request, file: h5py.File) -> Opened:
     if ECF_FILTER in filters:
         if filters != [ECF_FILTER] or table.chunks is None:
             raise RecordingError(f"{request.name}: CD/events mixes ECF with the filters {filters}; write it with one")
-        read, kind = _EcfChunks(table, request.name).read, "Metavision HDF5 (ECF)"
+        read, kind = _EcfChunks(table, table.chunks[0], request.name).read, "Metavision HDF5 (ECF)"
     else:
         read, kind = _reader_of(table), "Metavision HDF5"
     texts = {key: str(value) for key, value in file.attrs.items() if isinstance(value, str)}

@@ -109,11 +109,10 @@ class _Bag:
 def _messages_of_bag(path: Path) -> Iterator[Message]:
     with Ros1Reader(path) as reader:
         wanted = [c for c in reader.connections if plain_type(c.msgtype) in EVENT_ARRAYS + EVENT_PACKETS + IMAGES]
-        total, done = max(1, sum(connection.msgcount for connection in wanted)), 0
+        total = max(1, sum(connection.msgcount for connection in wanted))
         if not wanted:
             return
-        for connection, _, content in reader.messages(wanted):
-            done += 1
+        for done, (connection, _, content) in enumerate(reader.messages(wanted), 1):
             yield Message(connection.topic, connection.msgtype, bytes(content), done / total)
 
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Shaped
 
-from etnet.events.formats.columns import from_nanoseconds
 from etnet.events.formats.collect import Decoded
+from etnet.events.formats.columns import from_nanoseconds
 
 EVENT_ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 EVENT_PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
@@ -22,8 +22,12 @@ IMAGES = ("sensor_msgs/Image",)
 
 _ROS1_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
 _CDR_EVENT = np.dtype(
-    {"names": ["x", "y", "s", "ns", "p"], "formats": ["<u2", "<u2", "<u4", "<u4", "u1"], "offsets": [0, 2, 6, 10, 14]}
-    | {"itemsize": 16}
+    {
+        "names": ["x", "y", "s", "ns", "p"],
+        "formats": ["<u2", "<u2", "<u4", "<u4", "u1"],
+        "offsets": [0, 2, 6, 10, 14],
+        "itemsize": 16,
+    }
 )
 
 
@@ -105,7 +109,7 @@ class Picture:
     """sensor_msgs/Image; `stamp` in ns."""
 
     stamp: int
-    pixels: Shaped[np.ndarray, "..."]
+    pixels: Shaped[np.ndarray, ...]
     is_bgr: bool
 
 
@@ -126,7 +130,7 @@ def parse_array(content: bytes, is_cdr: bool) -> Array:
 
 
 def _cdr_events(rest: bytes, count: int) -> np.ndarray:
-    """The first event stands on a multiple of four, each further one two bytes behind such a place: 13, then 16 bytes."""
+    """The first event stands on a multiple of four and takes 14 bytes, each further one stands two behind: 16."""
     if count == 0:
         return np.empty(0, _CDR_EVENT)
     if len(rest) < 13 + (count - 1) * 16:
