@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.cli.policy import default_policy, parse_policy
-from etnet.cli.progress import console, progress_callback, track
+from etnet.cli.progress import console, fraction_callback, track
 from etnet.events.recording import Recording
 from etnet.windows import Window, plan_windows
 
@@ -40,7 +40,7 @@ def run(config: Reconstruct) -> int:
     from etnet.events.open import open_recording
     from etnet.nets.weights import load_model
 
-    with progress_callback("opening") as progress:
+    with fraction_callback("opening") as progress:
         recording = open_recording(config.file, progress=progress)
     with recording:
         for remark in recording.remarks:
