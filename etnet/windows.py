@@ -104,9 +104,7 @@ def _plan_between_frames(recording: Recording) -> Sequence[Window]:
         )
     edges = [recording.index_at(int(t)) for t in truth.stamps]
     stamps = [int(t) for t in truth.stamps]
-    return tuple(
-        Window(i, edges[i], edges[i + 1], stamps[i], stamps[i + 1]) for i in range(len(stamps) - 1)
-    )
+    return tuple(Window(i, edges[i], edges[i + 1], stamps[i], stamps[i + 1]) for i in range(len(stamps) - 1))
 
 
 class _Plan(Sequence[Window]):
