@@ -84,10 +84,8 @@ def plan_protocol(recording: Recording, protocol: Protocol, whole: bool = False)
             "score the whole recording instead (--whole)"
         )
     windows = _windows(recording, protocol, fed_from, [int(truth.stamps[i]) for i in fed])
-    items = tuple(
-        Item(window, i if truth.stamps[i] >= scored[0] else None) for window, i in zip(windows, fed, strict=True)
-    )
-    return Plan(items, sequence, remarks)
+    frames = [i if truth.stamps[i] >= scored[0] else None for i in fed]
+    return Plan(tuple(map(Item, windows, frames)), sequence, remarks)
 
 
 def _scored_span(
