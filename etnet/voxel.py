@@ -51,16 +51,15 @@ def voxel_grid(events: Events, bins: int = 5) -> Float[Tensor, "bins h w"]:
     return torch.from_numpy(voxel_array(events, bins))
 
 
-def normalise_nonzero(voxel: Float[Tensor, "b bins h w"]) -> Float[Tensor, "b bins h w"]:
-    """Each grid's entries that are not 0, shifted and scaled to mean 0 and standard deviation 1; zeros stay.
+def normalise_nonzero(voxel: Float[Tensor, "bins h w"]) -> Float[Tensor, "bins h w"]:
+    """Shift and scale the non-zero entries to mean 0 and standard deviation 1, as E2VID and FireNet want it.
 
-    What E2VID and FireNet were trained with (Rebecq et al. 2019, §III-C). A grid without spread stays as it is.
+    Zeros stay zeros. A grid whose non-zero entries are all alike is returned as it is.
     """
-    is_set = voxel != 0
-    count = is_set.sum(dim=(1, 2, 3), keepdim=True).clamp_min(1)
-    mean = voxel.sum(dim=(1, 2, 3), keepdim=True) / count
-    centred = (voxel - mean) * is_set
-    deviation = ((centred**2).sum(dim=(1, 2, 3), keepdim=True) / count).sqrt()
-    # Equal entries differ by rounding alone: a spread of that size is no spread.
-    has_spread = deviation > 1e-6 * voxel.abs().amax(dim=(1, 2, 3), keepdim=True)
-    return centred.div(deviation.where(has_spread, 1)).where(has_spread, voxel)
+    nonzero = voxel != 0
+    count = int(nonzero.sum())
+    if count == 0:
+        return voxel
+    mean = voxel.sum() / count
+    deviation = ((voxel**2).sum() / count - mean**2).clamp_min(0).sqrt()
+    return (voxel - mean) / deviation * nonzero if deviation > 0 else voxel
