@@ -24,7 +24,7 @@ from etnet.evaluation.scores import ROWS, Measure, Row, Scores
 from etnet.evaluation.temporal import estimate_flow, temporal_consistency
 from etnet.events.recording import GroundTruth, Recording
 from etnet.nets.base import Reconstructor
-from etnet.voxel import normalise_nonzero, voxel_grid
+from etnet.reconstruction import window_voxel
 
 Progress = Callable[[int, int], None]
 """Called with the steps done and the steps there are."""
@@ -134,12 +134,6 @@ def evaluate(
     return Scores(name or model.name, recording.name, protocol.name, plan.sequence, stamps, table.rows(), remarks)
 
 
-def model_input(model: Reconstructor, recording: Recording, start: int, stop: int) -> Tensor:
-    """Events start … stop − 1 as the model wants them: `1 bins h w`, normalised if it says so."""
-    voxel = voxel_grid(recording.read(start, stop), model.bins)[None]
-    return normalise_nonzero(voxel) if model.normalise_voxels else voxel
-
-
 def _replay(
     model: Reconstructor, recording: Recording, plan: Plan, on_progress: Progress | None
 ) -> Iterator[tuple[Item, Tensor]]:
@@ -147,7 +141,7 @@ def _replay(
     state = None
     device = next(iter(model.parameters())).device if isinstance(model, torch.nn.Module) else torch.device("cpu")
     for done, item in enumerate(plan.items, start=1):
-        voxel = model_input(model, recording, item.window.start, item.window.stop).to(device)
+        voxel = window_voxel(model, recording, item.window)[None].to(device)
         if item.frame is None and hasattr(model, "encode"):
             _, state = model.encode(voxel, state)
         else:

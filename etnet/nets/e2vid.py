@@ -71,11 +71,11 @@ E2VID_PRESETS: dict[str, E2VIDConfig] = {
 class E2VID(nn.Module):
     """Recurrent U-Net. State: hidden and cell of levels 1, 2, 3, in this order."""
 
-    name = "e2vid"
-
     def __init__(self, config: E2VIDConfig) -> None:
         super().__init__()
         self.config = config
+        self.name = "e2vid"
+        self.card: dict[str, object] = {}
         self.bins = config.bins
         self.normalise_voxels = config.normalise_voxels
         self.post_processing = config.post_processing

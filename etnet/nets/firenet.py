@@ -43,12 +43,13 @@ class FireNet(nn.Module):
     Frames are unbounded: the last layer has no activation. For interventions the two memories are levels 1 and 2.
     """
 
-    name = "firenet"
     post_processing = "none"
 
     def __init__(self, config: FireNetConfig) -> None:
         super().__init__()
         self.config = config
+        self.name = "firenet"
+        self.card: dict[str, object] = {}
         self.bins = config.bins
         self.normalise_voxels = config.normalise_voxels
         self.runtime = Runtime()
