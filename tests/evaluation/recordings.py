@@ -28,7 +28,11 @@ def slider_depth() -> Recording:
 
 
 def made_up(
-    name: str = "made_up", num_frames: int = 8, frame_gap: int = 40_000, sensor: Sensor | None = None, has_flow: bool = False
+    name: str = "made_up",
+    num_frames: int = 8,
+    frame_gap: int = 40_000,
+    sensor: Sensor | None = None,
+    has_flow: bool = False,
 ) -> Recording:
     """Frames `frame_gap` µs apart from t = 1 s on, events between 1.005 s and the last frame; a pattern that moves by 1 px."""
     sensor = sensor or Sensor(48, 40)
