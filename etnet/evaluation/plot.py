@@ -24,7 +24,8 @@ def plot_scores(scores: Sequence[Scores], measure: Measure = "lpips") -> str:
         for i, recording in enumerate(recordings)
     ]
     height = HEIGHT * len(recordings)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="sans-serif" font-size="13">'
+    box = f'viewBox="0 0 {WIDTH} {height}" font-family="sans-serif" font-size="13"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {box}>'
     return "\n".join([head, f'<rect width="{WIDTH}" height="{height}" fill="white"/>', *panels, "</svg>\n"])
 
 
@@ -40,9 +41,8 @@ def _panel(scores: Sequence[Scores], models: Sequence[str], measure: Measure, to
     def y(value: float) -> float:
         return bottom - (HEIGHT - TOP - BOTTOM) * value / highest
 
-    parts = [
-        f'<text x="{LEFT}" y="{top + 20}" font-weight="bold">{escape(scores[0].recording)}: {TITLES[measure]}</text>'
-    ]
+    title = f"{escape(scores[0].recording)}: {TITLES[measure]}"
+    parts = [f'<text x="{LEFT}" y="{top + 20}" font-weight="bold">{title}</text>']
     for share in (0.0, 0.5, 1.0):
         value, second = highest * share, seconds * share
         parts.append(f'<path d="M{LEFT} {y(value):.1f}H{right}" stroke="#ddd"/>')

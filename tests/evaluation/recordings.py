@@ -31,11 +31,10 @@ def made_up(
     name: str = "made_up",
     num_frames: int = 8,
     frame_gap: int = 40_000,
-    sensor: Sensor | None = None,
     has_flow: bool = False,
 ) -> Recording:
-    """Frames `frame_gap` µs apart from t = 1 s on, events between 1.005 s and the last frame; a pattern that moves by 1 px."""
-    sensor = sensor or Sensor(48, 40)
+    """Frames `frame_gap` µs apart from 1 s on, random events from 1.005 s on; the picture moves 1 px right a frame."""
+    sensor = Sensor(48, 40)
     rng = np.random.default_rng(0)
     stop = 1_000_000 + (num_frames - 1) * frame_gap
     t = np.sort(rng.integers(1_005_000, stop, 200 * num_frames))
