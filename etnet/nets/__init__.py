@@ -1,0 +1,1 @@
+"""Networks: tensors in, tensors out. They know no events, no windows and no files but weights."""

@@ -1,0 +1,161 @@
+"""Multi-head attention that can be watched: the fast path makes the output, rows are computed beside it on demand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import torch
+from einops import rearrange
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn.functional import linear, scaled_dot_product_attention
+
+from etnet.errors import ModelError
+from etnet.nets.intervention import Intervention
+from etnet.nets.padding import TokenGrid
+
+TRAINED_TOKENS = 196
+"""Tokens of a 112² training crop: where `log_tokens` scaling leaves the logits as they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class AttentionProbe:
+    """Which attention sites to keep q and k of; `None` means all. Probing never changes the frame (law 1)."""
+
+    sites: frozenset[str] | None = None
+
+    def wants(self, site: str) -> bool:
+        """Whether this site is watched."""
+        return self.sites is None or site in self.sites
+
+
+@dataclass(frozen=True, slots=True)
+class Attention:
+    """q and k of the probed sites of one step (batch 1), from which any row or column of a map can be computed.
+
+    `queries[site]`, `keys[site]`: "heads tokens d". `scales[site]` multiplies the logits (1/√d and, where the
+    network has it, the scaling by the number of tokens).
+    """
+
+    grid: TokenGrid
+    queries: dict[str, Float[Tensor, "heads n d"]]
+    keys: dict[str, Float[Tensor, "heads n d"]]
+    scales: dict[str, float]
+
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """The probed sites in the order in which the network passes them."""
+        return tuple(self.queries)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of q and k."""
+        return sum(tensor.nbytes for held in (self.queries, self.keys) for tensor in held.values())
+
+    def rows(self, site: str, tokens: Sequence[int]) -> Float[Tensor, "heads queries keys"]:
+        """Where each of `tokens` looks: one distribution over all keys per head, softmax in fp32; rows sum to 1."""
+        self._require(site)
+        chosen = self.queries[site][:, list(tokens)].float()
+        return torch.softmax(chosen @ self.keys[site].float().transpose(-1, -2) * self.scales[site], dim=-1)
+
+    def columns(self, site: str, tokens: Sequence[int], tile: int = 1024) -> Float[Tensor, "heads queries keys"]:
+        """Who looks at each of `tokens`: entry (h, i, j) is the weight that query i gives to key `tokens[j]`.
+
+        Every query's softmax runs over all keys, so this costs the whole map, in tiles of `tile` queries.
+        """
+        num_tokens = self.queries[site].shape[1] if site in self.queries else 0
+        parts = [
+            self.rows(site, range(start, min(start + tile, num_tokens)))[..., list(tokens)]
+            for start in range(0, num_tokens, tile)
+        ]
+        self._require(site)
+        return torch.cat(parts, dim=1)
+
+    def _require(self, site: str) -> None:
+        if site not in self.queries:
+            known = ", ".join(self.queries) or "none"
+            raise ModelError(f"attention site {site!r} was not probed; probed: {known}; name it in AttentionProbe")
+
+
+@dataclass(slots=True)
+class Observer:
+    """Goes through one decode: collects what a probe wants and tells each site what an intervention changes."""
+
+    probe: AttentionProbe | None
+    intervention: Intervention
+    queries: dict[str, Tensor] = field(default_factory=dict)
+    keys: dict[str, Tensor] = field(default_factory=dict)
+    scales: dict[str, float] = field(default_factory=dict)
+
+    def record(self, site: str, query: Tensor, key: Tensor, scale: float) -> None:
+        """Keep q and k of a site that the probe wants ("1 heads n d")."""
+        if self.probe is None or not self.probe.wants(site):
+            return
+        if query.shape[0] != 1:
+            raise ModelError(f"attention can be probed for a batch of 1, got {query.shape[0]}; step one at a time")
+        self.queries[site], self.keys[site], self.scales[site] = query[0].detach(), key[0].detach(), scale
+
+    def attention(self, grid: TokenGrid) -> Attention | None:
+        """What was collected; `None` when nobody asked."""
+        return None if self.probe is None else Attention(grid, self.queries, self.keys, self.scales)
+
+    def is_uniform(self, site: str) -> bool:
+        """Whether this site attends to every token alike."""
+        return self.intervention.uniform_attention or site in self.intervention.uniform_sites
+
+    def masked_heads(self, site: str) -> list[int]:
+        """The heads of this site whose output is zero."""
+        return sorted(head for name, head in self.intervention.masked_heads if name == site)
+
+
+class MultiHeadAttention(nn.Module):
+    """Scaled dot-product attention with one fused input projection (q, k, v in this order).
+
+    `path` is "fused" (torch's kernel, for inference and large grids) or "plain" (matmul and softmax, faster in
+    training at a few hundred tokens). `scales_by_tokens` multiplies the logits by log N / log 196.
+    """
+
+    def __init__(self, dim: int, heads: int, site: str, scales_by_tokens: bool = False) -> None:
+        super().__init__()
+        self.heads = heads
+        self.site = site
+        self.scales_by_tokens = scales_by_tokens
+        self.path = "fused"
+        self.in_proj_weight = nn.Parameter(torch.empty(3 * dim, dim))
+        self.in_proj_bias = nn.Parameter(torch.zeros(3 * dim))
+        self.out_proj = nn.Linear(dim, dim)
+        nn.init.xavier_uniform_(self.in_proj_weight)
+        nn.init.zeros_(self.out_proj.bias)
+
+    def forward(
+        self, query: Float[Tensor, "b n c"], memory: Float[Tensor, "b m c"], observer: Observer
+    ) -> Float[Tensor, "b n c"]:
+        q, k, v = (rearrange(x, "b n (h d) -> b h n d", h=self.heads) for x in self._project(query, memory))
+        scale = self._scale(q.shape[-1], k.shape[2])
+        observer.record(self.site, q, k, scale)
+
+        if observer.is_uniform(self.site):
+            mixed = v.mean(2, keepdim=True).expand_as(q)
+        elif self.path == "fused":
+            mixed = scaled_dot_product_attention(q, k, v, scale=scale)
+        else:
+            mixed = torch.softmax(q @ k.transpose(-1, -2) * scale, dim=-1) @ v
+        if masked := observer.masked_heads(self.site):
+            mixed = mixed.index_fill(1, torch.tensor(masked, device=mixed.device), 0.0)
+
+        return self.out_proj(rearrange(mixed, "b h n d -> b n (h d)"))
+
+    def _project(self, query: Tensor, memory: Tensor) -> tuple[Tensor, ...]:
+        if query is memory:
+            return linear(query, self.in_proj_weight, self.in_proj_bias).chunk(3, dim=-1)
+        dim = query.shape[-1]
+        q = linear(query, self.in_proj_weight[:dim], self.in_proj_bias[:dim])
+        return q, *linear(memory, self.in_proj_weight[dim:], self.in_proj_bias[dim:]).chunk(2, dim=-1)
+
+    def _scale(self, head_dim: int, num_tokens: int) -> float:
+        scale = 1 / math.sqrt(head_dim)
+        if self.scales_by_tokens:
+            scale *= math.log(max(num_tokens, 2)) / math.log(TRAINED_TOKENS)
+        return scale

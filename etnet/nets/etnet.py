@@ -1,0 +1,247 @@
+"""ET-Net (Weng et al., ICCV 2021): recurrent backbone → Token Pyramid Aggregation → multi-level upsampler."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from einops import rearrange
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from etnet.errors import ModelError
+from etnet.nets.attention import Attention, AttentionProbe, Observer
+from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.blocks import ConvReLU, RecurrentLevel, Upsample
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.padding import PATCH, TokenGrid, crop_to_sensor, pad_to_grid
+from etnet.nets.positions import ORIGIN, Placement, grid_positions, raster_positions
+from etnet.nets.runtime import Runtime, precision_of
+from etnet.nets.transformer import DecoderLayer, EncoderLayer
+
+NUM_LEVELS = 3
+"""Recurrent levels of the backbone; level l works at 1/2ˡ."""
+
+
+@dataclass(frozen=True, slots=True)
+class ETNetConfig:
+    """An ET-Net and its ablations, as fields. The defaults are the paper's best model as it was released."""
+
+    bins: int = 5
+    base_channels: int = 32
+    """C₀; level l has C₀·2ˡ channels."""
+    dim: int = 256
+    """D, the tokens' width."""
+    heads: int = 8
+    feed_forward: int = 1024
+    scales: int = 3
+    """How many scales TPA aggregates, counted from the coarsest; 4 adds the head (scale 0)."""
+    encoder_depth: int = 3
+    decoder_depth: int = 2
+    skips: bool = True
+    """Skip connections from the backbone to the upsampler."""
+    projects_coarsest: bool = False
+    """A 1×1 projection at the coarsest scale, as the paper says; identity as it was released."""
+    token_norm: bool = False
+    """Ours: LayerNorm on a scale's tokens before the positions are added."""
+    context_norm: bool = False
+    """Ours: LayerNorm on the aggregated tokens."""
+    positions: Literal["raster", "grid"] = "raster"
+    """"raster": one sinusoid over the flat index (paper). "grid": row and column apart (ours)."""
+    scales_logits: bool = False
+    """Ours: attention logits times log N / log 196, so that larger grids stay as sharp as the training crop."""
+    dropout: float = 0.1
+    """In training only."""
+    normalise_voxels: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.scales <= NUM_LEVELS + 1:
+            raise ModelError(f"ETNetConfig.scales is {self.scales}; it takes 1 … 4")
+        if self.dim % self.heads:
+            raise ModelError(f"ETNetConfig.dim {self.dim} does not divide into {self.heads} heads")
+        if self.encoder_depth < 1 or self.decoder_depth < 0:
+            raise ModelError(f"ETNetConfig depths are {self.encoder_depth} and {self.decoder_depth}; want ≥ 1 and ≥ 0")
+        if self.dim != self.channels(NUM_LEVELS):
+            raise ModelError(
+                f"ETNetConfig.dim is {self.dim}; the upsampler adds it to {self.channels(NUM_LEVELS)} channels"
+            )
+
+    def channels(self, level: int) -> int:
+        """C_l = C₀·2ˡ."""
+        return self.base_channels * 2**level
+
+    @property
+    def scale_indices(self) -> tuple[int, ...]:
+        """The aggregated scales from the coarsest (3) down; 0 is the head."""
+        return tuple(range(NUM_LEVELS, NUM_LEVELS - self.scales, -1))
+
+    @staticmethod
+    def ablation(depth: int, scales: int, decoders: bool = True) -> ETNetConfig:
+        """The paper's `ET-Net-A-sB`: A encoders and decoders a scale, ⌈A/2⌉ of them encoders; B scales."""
+        encoders = -(-depth // 2) if decoders else depth
+        return ETNetConfig(scales=scales, encoder_depth=encoders, decoder_depth=depth - encoders)
+
+
+class Sequentialize(nn.Module):
+    """A scale's feature map → tokens: cut into patches, project, add the positional code (paper, eq. 3)."""
+
+    def __init__(self, config: ETNetConfig, scale: int) -> None:
+        super().__init__()
+        patch = PATCH // 2**scale
+        is_identity = scale == NUM_LEVELS and not config.projects_coarsest
+        self.project = nn.Identity() if is_identity else nn.Conv2d(config.channels(scale), config.dim, patch, patch)
+        self.norm = nn.LayerNorm(config.dim) if config.token_norm else nn.Identity()
+        self.code = raster_positions if config.positions == "raster" else grid_positions
+
+    def forward(self, feature: Float[Tensor, "b c h w"], placement: Placement) -> Float[Tensor, "b n d"]:
+        projected = self.project(feature)
+        rows, columns = projected.shape[-2:]
+        tokens = self.norm(rearrange(projected, "b d i j -> b (i j) d"))
+        return tokens + self.code(rows, columns, tokens.shape[-1], placement).to(tokens)
+
+
+class TokenPyramidAggregation(nn.Module):
+    """One transformer block a scale; each decoder reads the next coarser scale (paper, Fig. 2).
+
+    The coarsest scale's decoder reads its own encoder. The result is the mean of all encoders' and decoders' tokens.
+    """
+
+    def __init__(self, config: ETNetConfig) -> None:
+        super().__init__()
+        sizes = (config.dim, config.heads, config.feed_forward, config.dropout)
+        self.scales = config.scale_indices
+        self.sequentialize = nn.ModuleDict({str(s): Sequentialize(config, s) for s in self.scales})
+        self.encoders = nn.ModuleDict(
+            {
+                str(s): nn.ModuleList(
+                    EncoderLayer(*sizes, f"scale{s}.encoder.{i}", config.scales_logits)
+                    for i in range(config.encoder_depth)
+                )
+                for s in self.scales
+            }
+        )
+        self.decoders = nn.ModuleDict(
+            {
+                str(s): nn.ModuleList(
+                    DecoderLayer(*sizes, f"scale{s}.decoder.{i}", config.scales_logits)
+                    for i in range(config.decoder_depth)
+                )
+                for s in self.scales
+            }
+        )
+        self.norm = nn.LayerNorm(config.dim) if config.context_norm else nn.Identity()
+
+    def forward(self, levels: tuple[Tensor, ...], observer: Observer, placement: Placement) -> Float[Tensor, "b d i j"]:
+        encoded, streams = {}, []
+        for scale in self.scales:
+            tokens = self.sequentialize[str(scale)](levels[scale], placement)
+            for layer in self.encoders[str(scale)]:  # pyright: ignore[reportGeneralTypeIssues]
+                tokens = layer(tokens, observer)
+            encoded[scale] = tokens
+
+        for scale in self.scales:
+            memory, tokens = encoded[min(scale + 1, NUM_LEVELS)], encoded[scale]
+            for layer in self.decoders[str(scale)]:  # pyright: ignore[reportGeneralTypeIssues]
+                tokens = layer(tokens, memory, observer)
+            if scale not in observer.intervention.removed_scales:
+                streams.append(encoded[scale])
+                if len(self.decoders[str(scale)]) and not observer.intervention.without_decoders:  # pyright: ignore
+                    streams.append(tokens)
+
+        if not streams or observer.intervention.without_context:
+            return torch.zeros_like(levels[NUM_LEVELS])
+        context = self.norm(torch.stack(streams).mean(0))
+        return rearrange(context, "b (i j) d -> b d i j", i=levels[NUM_LEVELS].shape[-2])
+
+
+class ETNet(nn.Module):
+    """The network of the paper's Fig. 1. State: hidden and cell of levels 1, 2, 3, in this order."""
+
+    def __init__(self, config: ETNetConfig) -> None:
+        super().__init__()
+        self.name = "etnet"
+        self.card: dict[str, object] = {}
+        self.config = config
+        self.bins = config.bins
+        self.normalise_voxels = config.normalise_voxels
+        self.runtime = Runtime()
+        channels = [config.channels(level) for level in range(NUM_LEVELS + 1)]
+        self.head = ConvReLU(config.bins, channels[0])
+        self.backbone = nn.ModuleList(RecurrentLevel(channels[i], channels[i + 1]) for i in range(NUM_LEVELS))
+        self.tpa = TokenPyramidAggregation(config)
+        self.upsampler = nn.ModuleList(Upsample(channels[i + 1], channels[i]) for i in reversed(range(NUM_LEVELS)))
+        self.tail = nn.Conv2d(channels[0], 1, kernel_size=1)
+
+    def encode(
+        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
+    ) -> tuple[Pyramid, State]:
+        """Recurrent convolution backbone (paper, eq. 2): all that a later frame depends on."""
+        self._check(voxel)
+        with precision_of(self.runtime, voxel.device.type):
+            features = self._head(voxel)
+            levels, memory = [features], []
+            for level, block in enumerate(self.backbone, start=1):
+                before = None if state is None else state.tensors[2 * level - 2 : 2 * level]
+                if level in intervention.zeroed_levels:
+                    before = None
+                features, cell = block(features, before)
+                if level in intervention.frozen_levels and before is not None:
+                    features, cell = before
+                levels.append(features)
+                memory += [features, cell]
+        return Pyramid(tuple(levels), voxel.shape[-2], voxel.shape[-1]), State(tuple(memory))
+
+    def decode(
+        self,
+        pyramid: Pyramid,
+        probe: AttentionProbe | None = None,
+        intervention: Intervention = ORIGINAL,
+        placement: Placement = ORIGIN,
+    ) -> tuple[Float[Tensor, "b 1 h w"], Attention | None]:
+        """TPA and upsampler: no memory, any frame by itself."""
+        observer = Observer(probe, intervention)
+        with precision_of(self.runtime, pyramid.levels[0].device.type):
+            context = self.tpa(pyramid.levels, observer, placement)
+            frame = self._upsample(context, pyramid.levels, intervention)
+        frame = crop_to_sensor(frame, pyramid.height, pyramid.width)
+        return frame, observer.attention(TokenGrid(pyramid.height, pyramid.width))
+
+    def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
+        """The pyramid of the step that ended in `state_after`: its hidden states, and the head once more."""
+        self._check(voxel)
+        with precision_of(self.runtime, voxel.device.type):
+            head = self._head(voxel)
+        return Pyramid((head, *state_after.tensors[::2]), voxel.shape[-2], voxel.shape[-1])
+
+    def forward(
+        self,
+        voxel: Float[Tensor, "b bins h w"],
+        state: State | None = None,
+        probe: AttentionProbe | None = None,
+        intervention: Intervention = ORIGINAL,
+    ) -> Step:
+        pyramid, state = self.encode(voxel, state, intervention)
+        frame, attention = self.decode(pyramid, probe, intervention)
+        return Step(frame, state, attention)
+
+    def _head(self, voxel: Tensor) -> Tensor:
+        padded = pad_to_grid(voxel)
+        if self.runtime.channels_last:
+            padded = padded.contiguous(memory_format=torch.channels_last)
+        return self.head(padded)
+
+    def _upsample(self, context: Tensor, levels: tuple[Tensor, ...], intervention: Intervention) -> Tensor:
+        """Multi-level upsampler (paper, eq. 4); the last layer and the sigmoid in fp32."""
+        removed = intervention.removed_skips if self.config.skips else frozenset(range(NUM_LEVELS + 1))
+        image = context if NUM_LEVELS in removed else context + levels[NUM_LEVELS]
+        for level, block in zip(reversed(range(NUM_LEVELS)), self.upsampler, strict=True):
+            image = block(image)
+            if level not in removed:
+                image = image + levels[level]
+        with torch.autocast(image.device.type, enabled=False):
+            return torch.sigmoid(self.tail(image.float()))
+
+    def _check(self, voxel: Tensor) -> None:
+        if voxel.ndim != 4 or voxel.shape[1] != self.bins:
+            raise ModelError(f"voxel grid is {tuple(voxel.shape)}; this network takes (batch, {self.bins}, h, w)")

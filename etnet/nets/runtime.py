@@ -1,0 +1,64 @@
+"""How a network is run: what does not belong to its weights but decides the last bits of its frames."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import nn
+
+from etnet.nets.attention import MultiHeadAttention
+
+Precision = Literal["fp32", "bf16"]
+AttentionPath = Literal["fused", "plain"]
+
+
+@dataclass(frozen=True, slots=True)
+class Runtime:
+    """Precision, attention kernel and memory format of one network."""
+
+    precision: Precision = "fp32"
+    attention: AttentionPath = "fused"
+    channels_last: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Contract:
+    """Two runs whose contracts are equal give the same bits; a frame is called exact only under its contract."""
+
+    runtime: Runtime
+    device: str
+    threads: int
+    torch_version: str
+    machine: str
+
+
+def apply_runtime(model: nn.Module, runtime: Runtime) -> None:
+    """Set a network up to run in this way."""
+    for module in model.modules():
+        if isinstance(module, MultiHeadAttention):
+            module.path = runtime.attention
+    layout = torch.channels_last if runtime.channels_last else torch.contiguous_format
+    model.to(memory_format=layout)  # pyright: ignore[reportCallIssue]  torch's stub lacks this overload
+    model.runtime = runtime  # pyright: ignore[reportArgumentType]
+
+
+def contract_of(model: nn.Module) -> Contract:
+    """The contract under which `model` runs now."""
+    parameter = next(model.parameters())
+    runtime = getattr(model, "runtime", Runtime())
+    return Contract(runtime, str(parameter.device), torch.get_num_threads(), torch.__version__, platform.machine())
+
+
+@contextmanager
+def precision_of(runtime: Runtime, device_type: str) -> Iterator[None]:
+    """Run what is inside in the runtime's precision; weights and states stay as they are."""
+    if runtime.precision == "fp32":
+        yield
+        return
+    with torch.autocast(device_type, dtype=torch.bfloat16):
+        yield
