@@ -15,6 +15,7 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
+    "sample": ("etnet.cli.sample", "Sample"),
 }
 """Command → the module that holds it, and its configuration's class."""
 
