@@ -20,6 +20,8 @@ from etnet.evaluation.scores import ROWS, TITLES, Measure, Row, Scores, average_
 SEED = 0
 """Of the resampling, so that a report written twice is the same."""
 DIGITS = 4
+COMPARED: tuple[Measure, ...] = ("mse", "ssim", "lpips", "lpips_vgg", "temporal")
+"""Measures that have a better and a worse."""
 SHORT_TITLES: dict[Measure, str] = {"lpips_vgg": "VGG ↓"}
 
 
@@ -100,10 +102,11 @@ class Report:
 
     def to_table(self) -> Table:
         """For a terminal of 80 columns: no interval but that of LPIPS. The notes are not in it."""
-        measures = [measure for measure in self.measures if measure not in ("sharpness", "contrast")]
+        measures = tuple(measure for measure in COMPARED if measure in self.measures)
         table = Table(title=f"protocol {self.protocol}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
-        for title in ("frames", *(SHORT_TITLES.get(measure, TITLES[measure]) for measure in measures), "LPIPS 95 %"):
+        titles = {**TITLES, **SHORT_TITLES}
+        for title in ("frames", *(titles[measure] for measure in measures), "LPIPS 95 %"):
             table.add_column(title, justify="right", no_wrap=True)
         before = None
         for line in self.lines():
