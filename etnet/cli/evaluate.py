@@ -173,18 +173,9 @@ def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
     """All that the numbers depend on."""
     files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
+    choices = [config.protocol, config.whole, config.flow, config.device, repr(config.assume)]
     judged = "alex+vgg" if judges.lpips_vgg else "alex"
-    facts = [
-        RULES,
-        config.protocol,
-        config.whole,
-        config.flow,
-        judged,
-        config.device,
-        repr(config.assume),
-        weights,
-        stats,
-    ]
+    facts = [RULES, choices, judged, weights, stats]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
 
 

@@ -102,7 +102,7 @@ class Report:
 
     def to_table(self) -> Table:
         """For a terminal of 80 columns: no interval but that of LPIPS. The notes are not in it."""
-        measures = tuple(measure for measure in COMPARED if measure in self.measures)
+        measures: list[Measure] = [measure for measure in COMPARED if measure in self.measures]
         table = Table(title=f"protocol {self.protocol}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
         titles = {**TITLES, **SHORT_TITLES}
