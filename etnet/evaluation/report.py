@@ -20,9 +20,14 @@ from etnet.evaluation.scores import ROWS, TITLES, Measure, Row, Scores, average_
 SEED = 0
 """Of the resampling, so that a report written twice is the same."""
 DIGITS = 4
-COMPARED: tuple[Measure, ...] = ("mse", "ssim", "lpips", "lpips_vgg", "temporal")
-"""Measures that have a better and a worse."""
-SHORT_TITLES: dict[Measure, str] = {"lpips_vgg": "VGG ↓"}
+SHORT_TITLES: dict[Measure, str] = {
+    "mse": "MSE↓",
+    "ssim": "SSIM↑",
+    "lpips": "LPIPS↓",
+    "lpips_vgg": "VGG↓",
+    "temporal": "TC↓",
+}
+"""The measures that have a better and a worse, as the terminal names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +107,10 @@ class Report:
 
     def to_table(self) -> Table:
         """For a terminal of 80 columns: no interval but that of LPIPS. The notes are not in it."""
-        measures: list[Measure] = [measure for measure in COMPARED if measure in self.measures]
+        measures: list[Measure] = [measure for measure in SHORT_TITLES if measure in self.measures]
         table = Table(title=f"protocol {self.protocol}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
-        titles = {**TITLES, **SHORT_TITLES}
-        for title in ("frames", *(titles[measure] for measure in measures), "LPIPS 95 %"):
+        for title in ("frames", *(SHORT_TITLES[measure] for measure in measures), "LPIPS 95 %"):
             table.add_column(title, justify="right", no_wrap=True)
         before = None
         for line in self.lines():
