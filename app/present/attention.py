@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from etnet.nets.attention import Attention
 
 MapRange = Literal["shared", "per map"]
+_ALIKE = 2.0
+"""× uniform that no token reaches in a row which reads all of them almost alike."""
+_ALIKE_WORDS = "This network reads every place almost alike here: its attention tells little."
 _BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
 
@@ -156,6 +159,8 @@ def _sites(ready: Ready, attention: Attention, look: AttentionLook, on_pick: str
     lead = f'<div class="et-caption et-lead"><span>{where}</span><span class="et-note">{of}</span></div>'
     grid = f'<div class="et-sites" style="--columns:{len(scales)}">{"".join(cells)}</div>'
     hint = '<div class="et-note">click a map to choose that site</div>' if on_pick else ""
+    if all(times_uniform(_row(ready, attention, name, look)).max() < _ALIKE for name in sites):
+        hint = f'<div class="et-note" data-testid="alike">{_ALIKE_WORDS}</div>{hint}'
     return lead + _legend(look) + grid + hint
 
 
