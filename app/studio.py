@@ -32,7 +32,7 @@ ATTENTION_SHARE = 0.125
 
 _TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
 _GROWTH = 1.2
-"""A step's time grows with this power of the number of pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
+"""A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
 
 Loader = Callable[[ModelEntry, str, str], Any]
 """(model entry, precision, device) → a reconstructor that is ready to run."""
@@ -149,6 +149,10 @@ class Studio:
     def held_stage(self, wish: Wish) -> Stage | None:
         """The playback for a wish if there is one; makes none."""
         return self._stages.get(wish.playback)
+
+    def held_keys(self) -> frozenset[tuple[object, ...]]:
+        """Which playbacks are kept, by `Wish.playback`."""
+        return frozenset(self._stages)
 
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""
