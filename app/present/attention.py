@@ -199,7 +199,7 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     cells: list[str] = []
     for head, row in enumerate(rows):
         map_ = _map(attention, look, row, f"head {head + 1}", f"head:{head}", on_pick)
-        label = f"head {head + 1}<br>≈ {_tokens(row)} tokens"
+        label = f"head {head + 1}<br>reads ≈ {_tokens(row)}"
         mark = " et-chosen" if head == look.head else ""
         cells.append(f'<div class="et-thumb{mark}">{map_}<span class="et-label">{label}</span></div>')
     lead = f'<div class="et-lead">{escape(site_words(name, attention.sites))}</div>'
