@@ -89,14 +89,16 @@ def procedural_pool(rng: np.random.Generator, count: int = 24, size: tuple[int, 
 
 
 class ClipSource(Dataset[Clip]):
-    """`source[key]` simulates a clip and augments it; pure in (seed, key)."""
+    """`source[key]` simulates a clip and augments it; pure in (seed, key). Pictures are decoded where it is used."""
 
-    def __init__(self, config: TrainConfig, pictures: PicturePool) -> None:
+    def __init__(self, config: TrainConfig) -> None:
         self._config = config
-        self._pictures = pictures
+        self._pictures: PicturePool | None = None
 
     def __getitem__(self, key: ClipKey) -> Clip:
         config = self._config
+        if self._pictures is None:
+            self._pictures = draw_pictures(config.data, "train", config.seed)
         rng = np.random.default_rng([config.seed, 1, *key])
         sequence = simulate_sequence(self._pictures, sequence_config(config, config.stages[key[0]].size), rng)
         return augment(Clip(sequence.voxels, sequence.frames, sequence.flow), config.augment, rng)
@@ -136,20 +138,19 @@ def slot_of(config: TrainConfig, update: int, lane: int) -> Slot:
     return slot_at(done, lane, config.stages[stage].clips, chunks, config.truncate)
 
 
-def stretches(
-    config: TrainConfig, pictures: PicturePool, start: int, lanes: Sequence[range]
-) -> Iterator[Stretch]:
+def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Iterator[Stretch]:
     """One `Stretch` an update from update `start` on; `lanes[stage]` are the clips that this process holds."""
     workers = config.data.workers
     loader = DataLoader(
-        ClipSource(config, pictures),
+        ClipSource(config),
         batch_size=None,
         sampler=_Keys(config, start, lanes),
         num_workers=workers,
         prefetch_factor=config.data.prefetch if workers else None,
         worker_init_fn=_be_modest,
         collate_fn=_as_is,
-        multiprocessing_context="fork" if workers else None,
+        # Not "fork": OpenCV's and torch's threads do not survive one.
+        multiprocessing_context="spawn" if workers else None,
         # The loader seeds its workers; a generator of its own keeps torch's global one untouched.
         generator=torch.Generator().manual_seed(config.seed),
     )
