@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +17,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
+from etnet.bundled import bundled_folder
 from etnet.errors import WeightsError
 
 ALEX_FILE = "lpips_alex_v0.1_fp16.npz"
@@ -112,7 +112,7 @@ def expected_names(layers: tuple[Convolution, ...]) -> list[str]:
 
 def load_lpips(path: Path | None = None) -> LPIPS:
     """LPIPS-Alex with the weights that ship with the package, or with those in `path` (.npz)."""
-    path = path or _bundled_file(ALEX_FILE)
+    path = path or bundled_folder() / "models" / ALEX_FILE
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
@@ -122,13 +122,3 @@ def load_lpips(path: Path | None = None) -> LPIPS:
     if missing:
         raise WeightsError(f"{path.name}: no LPIPS-Alex weights, {missing[0]} is missing; give the file as shipped")
     return LPIPS(arrays)
-
-
-@cache
-def _bundled_file(name: str) -> Path:
-    """In a wheel the models lie inside the package, in a checkout beside it."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "static" / "models", package.parent / "static" / "models"):
-        if (folder / name).exists():
-            return folder / name
-    raise WeightsError(f"{name}: not beside the package; reinstall it or fetch the file from the source tree")

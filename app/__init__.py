@@ -1,0 +1,1 @@
+"""The viewer: a viser application over `etnet`."""
