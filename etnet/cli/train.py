@@ -4,44 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import tyro
+from typing import TYPE_CHECKING, Any
 
 from etnet.cli.progress import console
-from etnet.training.config import TrainConfig, TrainingError
-from etnet.training.recipes import RECIPES
 
-
-@dataclass(frozen=True)
-class Train:
-    """A recipe, with any of its fields changed. A run that exists in `--out` is taken up where it stopped."""
-
-    train: Annotated[TrainConfig, tyro.conf.arg(name="")]
-    changed: bool = False
-    """Go on although the run began under another configuration."""
-    export: Path | None = None
-    """Train nothing: write the running mean of the run's weights to this file (.safetensors, fp16)."""
-    best: bool = False
-    """Export the weights with the lowest validation LPIPS, not the last ones."""
+if TYPE_CHECKING:
+    from etnet.cli.train_options import Train
 
 
 def parse(arguments: Sequence[str], program: str) -> Train:
-    """`--config NAME` chooses the recipe that all other options change; "half" without it."""
-    rest = list(arguments)
-    name = "half"
-    if "--config" in rest:
-        at = rest.index("--config")
-        if at + 1 == len(rest) or rest[at + 1] not in RECIPES:
-            got = rest[at + 1] if at + 1 < len(rest) else "nothing"
-            raise TrainingError(f"--config is {got}; there are {', '.join(RECIPES)}")
-        name = rest[at + 1]
-        del rest[at : at + 2]
-    default = Train(RECIPES[name])
-    names = ",".join(RECIPES)
-    return tyro.cli(Train, default=default, args=rest, prog=f"{program} [--config {{{names}}}]")
+    """The options; apart from `run`, because the recipes they come from need torch."""
+    from etnet.cli.train_options import parse
+
+    return parse(arguments, program)
 
 
 def run(config: Train) -> int:

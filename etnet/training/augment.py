@@ -39,9 +39,7 @@ def _flipped(clip: Clip, along_x: bool, along_y: bool) -> Clip:
     return Clip(*(np.ascontiguousarray(array[..., rows, columns]) for array in arrays))
 
 
-def _hot_pixels(
-    size: tuple[int, ...], config: AugmentConfig, rng: np.random.Generator
-) -> Float32[np.ndarray, "h w"]:
+def _hot_pixels(size: tuple[int, ...], config: AugmentConfig, rng: np.random.Generator) -> Float32[np.ndarray, "h w"]:
     """The same pixels and values in every bin of every window."""
     hot = np.zeros(size, np.float32)
     count = int(rng.uniform(0, config.hot_pixel_share) * hot.size)

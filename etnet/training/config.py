@@ -127,9 +127,12 @@ class OptimiserConfig:
     """AdamW and its learning rate."""
 
     learning_rate: float = 3e-4
-    schedule: Literal["cosine", "exponential"] = "cosine"
-    """"cosine" falls to `final_share` of the rate; "exponential" is × `decay` every `decay_updates` (the paper's)."""
+    schedule: Literal["cosine", "trapezoid", "exponential"] = "cosine"
+    """"cosine" falls to `final_share` of the rate over the whole run; "trapezoid" stays and falls over the last
+    `cool_down` updates, so that a run can be made longer while it goes; "exponential" is × `decay` every
+    `decay_updates` (the paper's)."""
     warm_up: int = 200
+    cool_down: int = 1500
     final_share: float = 0.02
     decay: float = 0.99
     decay_updates: int = 5600

@@ -59,9 +59,7 @@ def score(
         temporal = temporal_consistency(
             prediction[pairs.before], prediction[pairs.after], target[pairs.before], target[pairs.after], pairs.flow
         )
-    total = (
-        config.perceptual * perceptual + config.l1 * l1 + config.gradient * gradient + config.temporal * temporal
-    )
+    total = config.perceptual * perceptual + config.l1 * l1 + config.gradient * gradient + config.temporal * temporal
     return Terms(total, perceptual, l1, gradient, temporal)
 
 

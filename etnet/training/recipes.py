@@ -47,7 +47,7 @@ HALF = TrainConfig(
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
     data=DataConfig(scene=SceneConfig(smooth_share=0.3)),
-    optimiser=OptimiserConfig(learning_rate=4e-4, warm_up=150),
+    optimiser=OptimiserConfig(learning_rate=4e-4, schedule="trapezoid", warm_up=150),
 )
 """Half width, for two cores. `docs/training.md` has the reasons for every number."""
 

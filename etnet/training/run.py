@@ -30,6 +30,9 @@ def learning_rate_at(config: OptimiserConfig, update: int, updates: int) -> floa
         return config.learning_rate * (update + 1) / config.warm_up
     if config.schedule == "exponential":
         return config.learning_rate * config.decay ** (update // config.decay_updates)
+    if config.schedule == "trapezoid":
+        left = min(1.0, (updates - update) / max(1, config.cool_down))
+        return config.learning_rate * (config.final_share + (1 - config.final_share) * left)
     progress = (update - config.warm_up) / max(1, updates - config.warm_up)
     share = config.final_share + (1 - config.final_share) * 0.5 * (1 + math.cos(math.pi * min(1.0, progress)))
     return config.learning_rate * share
@@ -61,7 +64,8 @@ class Run:
             group["lr"] = rate
 
         with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(config.seed * 1_000_003 + self.update)  # dropout
+            # For dropout alone; each process has its own, so with it two processes are not one.
+            torch.manual_seed((config.seed * 1_000_003 + self.update) * 1024 + self.world.rank)
             terms, state = self._forward(stretch, before, draw)
         self.optimiser.zero_grad(set_to_none=True)
         terms.total.backward()

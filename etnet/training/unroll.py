@@ -42,7 +42,10 @@ def draw_update(config: TrainConfig, update: int, lanes: Sequence[int]) -> Draw:
     blind = None
     if rng.random() < config.context.blind_share:
         masks = [
-            [_draw_blind(config.context, grid, np.random.default_rng([config.seed, 3, update, i, lane])) for lane in lanes]
+            [
+                _draw_blind(config.context, grid, np.random.default_rng([config.seed, 3, update, i, lane]))
+                for lane in lanes
+            ]
             for i in range(len(scored))
         ]
         blind = torch.from_numpy(np.array(masks)).flatten(0, 1)

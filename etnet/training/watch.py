@@ -60,7 +60,9 @@ class Watch:
         rms |= {f"skip{index}": _rms(level) for index, level in enumerate(pyramid.levels)}
         rows = {site: attention.rows(site, _queries(attention)) for site in attention.sites}
         return Health(
-            live_units={name: float((value > 0).any(0).flatten(1).any(1).float().mean()) for name, value in upsamplers.items()},
+            live_units={
+                name: float((value > 0).any(0).flatten(1).any(1).float().mean()) for name, value in upsamplers.items()
+            },
             positive_outputs={name: float((value > 0).float().mean()) for name, value in upsamplers.items()},
             rms=rms,
             cosine={site: mean_cosine(row) for site, row in rows.items()},
