@@ -12,7 +12,7 @@ from etnet.training.config import AugmentConfig
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """What one clip gives the trainer. `flow[i]` (x, y; pixels) is how far each point of frame i has come since i − 1."""
+    """What one clip gives the trainer. `flow[i]` (x, y; pixels) leads from frame i − 1 to frame i."""
 
     voxels: Float32[np.ndarray, "t bins h w"]
     frames: Float32[np.ndarray, "t h w"]

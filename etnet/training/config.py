@@ -90,8 +90,8 @@ class ContextConfig:
     """… and from `skip_drop_updates` on."""
     skip_drop_updates: int = 3000
     blind_share: float = 0.5
-    blind_tokens: tuple[int, int] = (2, 5)
-    blind_squares: tuple[int, int] = (1, 3)
+    blind_tokens: tuple[int, int] = (3, 9)
+    blind_squares: tuple[int, int] = (1, 2)
     sensor_rows: tuple[int, int] = (14, 90)
     """Token rows of the imagined sensor that a crop is placed on."""
     sensor_columns: tuple[int, int] = (14, 160)
@@ -113,6 +113,8 @@ class LossConfig:
     l1: float = 0.5
     gradient: float = 0.5
     """L1 between the images' differences of neighbours."""
+    tone: float = 1.0
+    """L1 between the images' means over a token's 8 × 8 pixels: what can only be told from far away."""
     temporal: float = 0.0
     temporal_from: int = 2
     """First window of a clip at which temporal consistency counts (L0 in eq. 5)."""
@@ -173,8 +175,9 @@ class TrainConfig:
     network: ETNetConfig = field(default_factory=lambda: PRESETS["etnet-half"])
     start: Path | None = None
     """Weights to begin with, whose parts that fit are taken; fresh ones else."""
-    initialise: Literal["default", "local"] = "default"
-    """"local": attention starts by content and place (`initialise.py`), fresh upsampler for the deep path."""
+    initialise: Literal["default", "local", "local-attention"] = "default"
+    """"local": TPA and half of the upsampler begin anew, attention looking about itself; "local-attention": attention
+    alone does (`initialise.py`)."""
     stages: tuple[Stage, ...] = (Stage(10_000),)
     truncate: int = 10
     """Windows that gradients run back through."""

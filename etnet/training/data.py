@@ -124,7 +124,7 @@ class _Keys(Sampler[ClipKey]):
     def __iter__(self) -> Iterator[ClipKey]:
         config = self._config
         for update in range(self._start, config.updates):
-            stage, done = config.stage_at(update)
+            stage, _ = config.stage_at(update)
             for lane in self._lanes[stage]:
                 slot = slot_of(config, update, lane)
                 if slot.begins or update == self._start:

@@ -11,33 +11,26 @@ from etnet.nets.attention import MultiHeadAttention
 from etnet.nets.etnet import ETNet, Sequentialize
 from etnet.nets.transformer import FeedForward
 
-PLACE_GAINS = (1.5, 3.0, 5.0, 8.0)
-"""q·k gains of the heads that look at places: the first sees about seven tokens each way, the last its neighbours."""
-CONTENT_GAIN = 0.7
+PLACE_GAINS = (3.0, 5.0, 8.0, 12.0)
+"""q·k gains of the heads that look at places: on a 14 × 14 grid the first reads about ninety tokens, the last ten."""
+CONTENT_GAIN = 1.5
 PLACE_SHARE = 0.2
 """Size of the content in the channels that tell places, so that it does not drown the positions there."""
-
-RESIDUAL_GAIN = 0.3
-
+MIX_GAIN = 0.5
+"""How much of what it read a token adds to itself."""
+FEED_FORWARD_GAIN = 0.3
+"""Small writes to the residual stream, so that content and positions are still there in the last layer."""
 
 DEEP_PATH = ("tpa.", "upsampler.0.", "upsampler.1.")
 """Names of the parts that `start_locally` begins anew."""
 
 
 def start_locally(model: ETNet, generator: torch.Generator) -> None:
-    """Set every attention's q and k alike, so that a token looks at its likes and its neighbours, and feed the deep path.
-
-    With independent q and k (Xavier) the logits are near zero, attention starts as a plain mean and, where skips carry
-    the picture, stays one. Shared q and k make logits a similarity (compare mimetic initialisation, Trockman & Kolter
-    2023). Half of the heads compare the positions' fast channels (place), the others a random projection (content).
-    The upsampler's first two blocks are drawn anew (He et al. 2015), so that no unit of the deep path begins dead.
-    """
+    """Begin TPA and the first two blocks of the upsampler anew, alive (He et al. 2015) and looking about itself."""
     for module in model.tpa.modules():
-        if isinstance(module, MultiHeadAttention):
-            _share_queries_and_keys(module, generator)
-            _write_little(module.out_proj, generator)
         if isinstance(module, FeedForward):
-            _write_little(module.contract, generator)
+            nn.init.xavier_normal_(module.contract.weight, gain=FEED_FORWARD_GAIN, generator=generator)
+            nn.init.zeros_(module.contract.bias)
         if isinstance(module, Sequentialize) and isinstance(module.norm, nn.LayerNorm):
             _make_room_for_places(module.norm, _fast_channels(model.config.dim, model.config.dim // model.config.heads))
     for block in list(model.upsampler)[:2]:
@@ -46,6 +39,31 @@ def start_locally(model: ETNet, generator: torch.Generator) -> None:
         nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu", generator=generator)
         assert convolution.bias is not None
         nn.init.zeros_(convolution.bias)
+    start_attention_locally(model, generator)
+
+
+@torch.no_grad()
+def start_attention_locally(model: ETNet, generator: torch.Generator) -> None:
+    """Set every attention so that a token adds some of its neighbours and of its likes to itself.
+
+    With independent q and k (Xavier) the logits are near zero, attention starts as a plain mean and, where skips carry
+    the picture, stays one. Shared q and k make logits a similarity (compare mimetic initialisation, Trockman & Kolter
+    2023): half of the heads compare the positions' fast channels (place), the others a random projection (content).
+    Value and output projections are a rotation and its inverse, so that each head averages its own share of a token.
+    """
+    for module in model.tpa.modules():
+        if not isinstance(module, MultiHeadAttention):
+            continue
+        dim = module.in_proj_weight.shape[1]
+        rotation = torch.linalg.qr(torch.randn(dim, dim, generator=generator)).Q
+        shared = _similarity(dim, module.heads, generator)
+        for part in range(2):
+            noise = 0.02 * torch.randn(dim, dim, generator=generator)
+            module.in_proj_weight[part * dim : (part + 1) * dim] = shared + noise
+        module.in_proj_weight[2 * dim :] = rotation
+        module.in_proj_bias.zero_()
+        module.out_proj.weight.copy_(MIX_GAIN * rotation.T)
+        module.out_proj.bias.zero_()
 
 
 def take_fitting(model: nn.Module, weights: dict[str, Tensor], without: tuple[str, ...] = ()) -> list[str]:
@@ -59,29 +77,18 @@ def take_fitting(model: nn.Module, weights: dict[str, Tensor], without: tuple[st
     return sorted(set(model.state_dict()) - set(fitting))
 
 
-@torch.no_grad()
-def _share_queries_and_keys(attention: MultiHeadAttention, generator: torch.Generator) -> None:
-    dim = attention.in_proj_weight.shape[1]
-    width = dim // attention.heads
+def _similarity(dim: int, heads: int, generator: torch.Generator) -> Tensor:
+    """The projection that queries and keys begin with."""
+    width, places = dim // heads, heads // 2
     rows = []
-    for head in range(attention.heads):
-        if head < attention.heads // 2:
-            gain = PLACE_GAINS[round(head * (len(PLACE_GAINS) - 1) / max(1, attention.heads // 2 - 1))]
+    for head in range(heads):
+        if head < places:
+            gain = PLACE_GAINS[round(head * (len(PLACE_GAINS) - 1) / max(1, places - 1))]
             rows.append(math.sqrt(gain) * _fast_channels(dim, width))
         else:
             projection = torch.linalg.qr(torch.randn(dim, width, generator=generator)).Q.T
             rows.append(math.sqrt(CONTENT_GAIN) * projection)
-    shared = torch.cat(rows)
-    for part in range(2):
-        noise = 0.02 * torch.randn(shared.shape, generator=generator)
-        attention.in_proj_weight[part * dim : (part + 1) * dim] = shared + noise
-    attention.in_proj_bias[: 2 * dim] = 0.0
-
-
-def _write_little(layer: nn.Linear, generator: torch.Generator) -> None:
-    """Small writes to the residual stream, so that content and positions are still there in the last layer."""
-    nn.init.xavier_normal_(layer.weight, gain=RESIDUAL_GAIN, generator=generator)
-    nn.init.zeros_(layer.bias)
+    return torch.cat(rows)
 
 
 @torch.no_grad()
@@ -91,7 +98,7 @@ def _make_room_for_places(norm: nn.LayerNorm, places: Tensor) -> None:
 
 
 def _fast_channels(dim: int, width: int) -> Tensor:
-    """Rows that pick the channels in which the two-dimensional sinusoid turns fastest: half for rows, half for columns."""
+    """Rows that pick the channels in which the 2-D sinusoid turns fastest: half for rows, half for columns."""
     chosen = torch.zeros(width, dim)
     half = width // 2
     chosen[torch.arange(half), torch.arange(half)] = 1.0

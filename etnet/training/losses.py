@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import grid_sample
+from torch.nn.functional import avg_pool2d, grid_sample
 
 from etnet.evaluation.lpips import LPIPS
+from etnet.nets.padding import PATCH
 from etnet.training.config import LossConfig
 
 OCCLUSION_SHARPNESS = 50.0
@@ -24,11 +25,12 @@ class Terms:
     perceptual: Tensor
     l1: Tensor
     gradient: Tensor
+    tone: Tensor
     temporal: Tensor
 
     def numbers(self) -> dict[str, float]:
         """For the log."""
-        names = ("total", "perceptual", "l1", "gradient", "temporal")
+        names = ("total", "perceptual", "l1", "gradient", "tone", "temporal")
         return {name: float(getattr(self, name).detach()) for name in names}
 
 
@@ -54,13 +56,15 @@ def score(
     perceptual = lpips(prediction, target).mean() if config.perceptual else zero
     l1 = (prediction - target).abs().mean()
     gradient = gradient_l1(prediction, target)
+    tone = (avg_pool2d(prediction, PATCH) - avg_pool2d(target, PATCH)).abs().mean()
     temporal = zero
     if pairs is not None and len(pairs.before):
         temporal = temporal_consistency(
             prediction[pairs.before], prediction[pairs.after], target[pairs.before], target[pairs.after], pairs.flow
         )
-    total = config.perceptual * perceptual + config.l1 * l1 + config.gradient * gradient + config.temporal * temporal
-    return Terms(total, perceptual, l1, gradient, temporal)
+    weighted = {"perceptual": perceptual, "l1": l1, "gradient": gradient, "tone": tone, "temporal": temporal}
+    total = torch.stack([getattr(config, name) * term for name, term in weighted.items()]).sum()
+    return Terms(total, **weighted)
 
 
 def gradient_l1(prediction: Float[Tensor, "b 1 h w"], target: Float[Tensor, "b 1 h w"]) -> Tensor:

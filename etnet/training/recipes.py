@@ -34,7 +34,7 @@ PAPER = TrainConfig(
     ),
     augment=AugmentConfig(noise_std=(0.1, 0.1), hot_pixel_share=0.001),
     context=_NO_HELP,
-    loss=LossConfig(l1=0.0, gradient=0.0, temporal=1.0, num_scored=0),
+    loss=LossConfig(l1=0.0, gradient=0.0, tone=0.0, temporal=1.0, num_scored=0),
     optimiser=OptimiserConfig(
         learning_rate=2e-4, schedule="exponential", decay_updates=140, warm_up=0, clip_norm=1e9, ema=0.0
     ),

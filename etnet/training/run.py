@@ -19,7 +19,7 @@ from etnet.training.checkpoint import Checkpoint, RunningMean, check_same_run, l
 from etnet.training.config import OptimiserConfig, TrainConfig
 from etnet.training.data import Stretch
 from etnet.training.distributed import World
-from etnet.training.initialise import DEEP_PATH, start_locally, take_fitting
+from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, take_fitting
 from etnet.training.losses import Pairs, Terms, score
 from etnet.training.unroll import Draw, blindfold, draw_update, restart, unroll
 
@@ -131,6 +131,8 @@ def begin(config: TrainConfig, world: World) -> Run:
         take_fitting(model, load_weights(config.start).state_dict(), without)
     if config.initialise == "local":
         start_locally(model, generator)
+    if config.initialise == "local-attention":
+        start_attention_locally(model, generator)
     apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
     model.train()
     optimiser = torch.optim.AdamW(model.parameters(), weight_decay=config.optimiser.weight_decay)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from etnet.evaluation.lpips import LPIPS
+from etnet.events.open import open_recording
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.base import Pyramid, State
 from etnet.nets.etnet import ETNet
@@ -19,6 +21,8 @@ from etnet.simulation.sequence import simulate_sequence
 from etnet.training.config import TrainConfig
 from etnet.training.data import draw_pictures, sequence_config
 from etnet.training.watch import Health, health_of
+from etnet.voxel import voxel_grid
+from etnet.windows import BetweenFrames, plan_windows
 
 CONDITIONS: dict[str, Intervention] = {
     "as_is": ORIGINAL,
@@ -65,9 +69,16 @@ class Scores:
 
 
 def films_of(config: TrainConfig) -> list[Film]:
-    """Clips of held-out pictures at sensor size; the same for every run with the same validation config."""
+    """What a run is validated on, the same at every update and for every run with the same validation config."""
+    if not config.validation.every:
+        return []
+    return simulated_films(config) + [recorded_film(path, config) for path in config.validation.recordings]
+
+
+def simulated_films(config: TrainConfig) -> list[Film]:
+    """Clips of held-out pictures at sensor size."""
     validation = config.validation
-    if not validation.every or not validation.clips:
+    if not validation.clips:
         return []
     pictures = draw_pictures(config.data, "held-out", validation.seed)
     films = []
@@ -77,6 +88,20 @@ def films_of(config: TrainConfig) -> list[Film]:
         voxels, frames = sequence.voxels[: validation.windows], sequence.frames[: validation.windows]
         films.append(Film(f"clip{index}", torch.from_numpy(voxels), torch.from_numpy(frames).unsqueeze(1)))
     return films
+
+
+def recorded_film(path: Path, config: TrainConfig) -> Film:
+    """The first windows between the frames of a real recording."""
+    recording = open_recording(path)
+    try:
+        windows = list(plan_windows(recording, BetweenFrames()))[: config.validation.windows]
+        truth = recording.ground_truth
+        assert truth is not None
+        voxels = [voxel_grid(recording.read(window.start, window.stop), config.network.bins) for window in windows]
+        frames = [torch.from_numpy(truth.read_frame(window.index + 1)).unsqueeze(0) for window in windows]
+        return Film(path.stem, torch.stack(voxels), torch.stack(frames))
+    finally:
+        recording.source.close()
 
 
 @torch.no_grad()

@@ -13,7 +13,7 @@ from tests.training.micro import micro
 
 
 def test_values_that_cannot_be_are_refused_by_name():
-    with pytest.raises(TrainingError, match="Stage.updates is 0"):
+    with pytest.raises(TrainingError, match=r"Stage\.updates is 0"):
         Stage(0)
     with pytest.raises(TrainingError, match="at least 32 pixels"):
         Stage(1, size=(16, 16))

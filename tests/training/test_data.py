@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from tests.training.micro import micro
 def test_every_clip_is_shown_whole_and_in_order(num_lanes: int, chunks: int, lane: int):
     lane %= num_lanes
     slots = [slot_at(update, lane, num_lanes, chunks, truncate=10) for update in range(4 * chunks + 1)]
-    for before, after in zip(slots, slots[1:], strict=False):
+    for before, after in pairwise(slots):
         if after.begins:
             assert (after.number, after.first_window) == (before.number + 1, 0)
         else:
