@@ -22,6 +22,13 @@ def _require(holds: bool, what: str) -> None:
         raise TrainingError(what)
 
 
+def network_preset(name: str) -> ETNetConfig:
+    """The configuration of an ET-Net preset."""
+    config = PRESETS[name]
+    assert isinstance(config, ETNetConfig)
+    return config
+
+
 @dataclass(frozen=True, slots=True)
 class Stage:
     """A stretch of updates at one clip size."""
@@ -84,11 +91,12 @@ class ContextConfig:
     in `blind_squares` places a frame: what lies there can only be told from elsewhere.
     """
 
-    skip_drop: float = 0.3
-    """Probability that one update goes without the skip of a level 1, 2 or 3, at first …"""
-    skip_drop_end: float = 0.05
-    """… and from `skip_drop_updates` on."""
-    skip_drop_updates: int = 3000
+    skip_drop: float = 0.75
+    """Probability that an update goes without the skips from level 1, 2 or 3 (as likely each) downwards, at first …"""
+    skip_drop_end: float = 0.3
+    """… and from `skip_drop_updates` on. Skips that are always there carry the whole picture, and TPA is left to be a
+    constant."""
+    skip_drop_updates: int = 4000
     blind_share: float = 0.5
     blind_tokens: tuple[int, int] = (3, 9)
     blind_squares: tuple[int, int] = (1, 2)
@@ -172,7 +180,7 @@ class TrainConfig:
 
     out: Path
     """Folder for checkpoints, log and previews."""
-    network: ETNetConfig = field(default_factory=lambda: PRESETS["etnet-half"])
+    network: ETNetConfig = field(default_factory=lambda: network_preset("etnet-half"))
     start: Path | None = None
     """Weights to begin with, whose parts that fit are taken; fresh ones else."""
     initialise: Literal["default", "local", "local-attention"] = "default"
@@ -222,7 +230,7 @@ class TrainConfig:
 
     def as_plain(self) -> dict[str, object]:
         """As JSON knows it: for checkpoints and logs."""
-        return _plain(asdict(self))
+        return {name: _plain(value) for name, value in asdict(self).items()}
 
 
 def _plain(value: object) -> object:

@@ -148,7 +148,7 @@ def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Iterat
         num_workers=workers,
         prefetch_factor=config.data.prefetch if workers else None,
         worker_init_fn=_be_modest,
-        collate_fn=_as_is,
+        collate_fn=_as_is,  # pyright: ignore[reportArgumentType]  without batches it gets one clip
         # Not "fork": OpenCV's and torch's threads do not survive one.
         multiprocessing_context="spawn" if workers else None,
         # The loader seeds its workers; a generator of its own keeps torch's global one untouched.

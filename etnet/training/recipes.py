@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from etnet.nets.presets import PRESETS
 from etnet.simulation.config import SceneConfig, SensorConfig
 from etnet.training.config import (
     AugmentConfig,
@@ -16,6 +15,7 @@ from etnet.training.config import (
     Stage,
     TrainConfig,
     ValidationConfig,
+    network_preset,
 )
 
 _NO_HELP = ContextConfig(
@@ -24,7 +24,7 @@ _NO_HELP = ContextConfig(
 
 PAPER = TrainConfig(
     out=Path("runs/paper"),
-    network=PRESETS["etnet"],
+    network=network_preset("etnet"),
     stages=(Stage(280 // 2 * 300, clips=2),),
     truncate=40,
     data=DataConfig(
@@ -43,7 +43,7 @@ PAPER = TrainConfig(
 
 HALF = TrainConfig(
     out=Path("runs/half"),
-    network=replace(PRESETS["etnet-half"], positions="grid", scales_logits=True, dropout=0.0),
+    network=replace(network_preset("etnet-half"), positions="grid", scales_logits=True, dropout=0.0),
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
     data=DataConfig(scene=SceneConfig(smooth_share=0.3)),
@@ -53,7 +53,7 @@ HALF = TrainConfig(
 
 TINY = TrainConfig(
     out=Path("runs/tiny"),
-    network=replace(PRESETS["tiny"], positions="grid", dropout=0.0),
+    network=replace(network_preset("tiny"), positions="grid", dropout=0.0),
     initialise="local",
     stages=(Stage(300, size=(64, 64)),),
     truncate=5,

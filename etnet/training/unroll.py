@@ -36,8 +36,9 @@ def draw_update(config: TrainConfig, update: int, lanes: Sequence[int]) -> Draw:
     grid = TokenGrid(*stage.size)
     uses_pairs = config.loss.temporal > 0 and update >= config.loss.temporal_after
     scored = _draw_scored(config.truncate, config.loss.num_scored, uses_pairs, rng)
-    probability = skip_drop_at(config.context, update)
-    dropped = frozenset(level for level in range(1, NUM_LEVELS + 1) if rng.random() < probability)
+    dropped: frozenset[int] = frozenset()
+    if rng.random() < skip_drop_at(config.context, update):
+        dropped = frozenset(range(int(rng.integers(1, NUM_LEVELS + 1)), NUM_LEVELS + 1))
     placement = draw_placement(config.context, grid, rng)
     blind = None
     if rng.random() < config.context.blind_share:

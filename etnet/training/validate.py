@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,12 +25,15 @@ from etnet.training.watch import Health, health_of
 from etnet.voxel import voxel_grid
 from etnet.windows import BetweenFrames, plan_windows
 
-CONDITIONS: dict[str, Intervention] = {
-    "as_is": ORIGINAL,
-    "without_context": Intervention(without_context=True),
-    "uniform_attention": Intervention(uniform_attention=True),
+CONDITIONS: dict[str, tuple[Intervention, bool]] = {
+    "as_is": (ORIGINAL, False),
+    "without_context": (Intervention(without_context=True), False),
+    "mean_context": (ORIGINAL, True),
+    "uniform_attention": (Intervention(uniform_attention=True), False),
 }
-"""What tells whether TPA, and its attention, are of any use."""
+"""What tells whether TPA, and its attention, are of any use: an intervention, and whether TPA's output is everywhere
+its mean over the image. Zeroing TPA costs much where it is but a constant that the upsampler counts on; its mean does
+not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +125,9 @@ def validate(model: ETNet, films: Sequence[Film], score_every: int, lpips: LPIPS
                 continue
             target = film.frames[index : index + 1]
             truth = lpips.features(target)
-            for name, intervention in CONDITIONS.items():
-                frame, _ = model.decode(pyramid, intervention=intervention)
+            for name, (intervention, is_averaged) in CONDITIONS.items():
+                with _averaged_context(model) if is_averaged else nullcontext():
+                    frame, _ = model.decode(pyramid, intervention=intervention)
                 scores[name].append(float(lpips.distance(lpips.features(frame.clamp(0, 1)), truth)))
                 if name == "as_is":
                     l1.append(float((frame - target).abs().mean()))
@@ -144,6 +149,17 @@ def validate(model: ETNet, films: Sequence[Film], score_every: int, lpips: LPIPS
         previews=torch.cat([frame for frame, _ in previews if frame.shape == previews[0][0].shape]),
         targets=torch.cat([target for _, target in previews if target.shape == previews[0][1].shape]),
     )
+
+
+@contextmanager
+def _averaged_context(model: ETNet) -> Iterator[None]:
+    handle = model.tpa.register_forward_hook(
+        lambda module, inputs, output: output.mean((2, 3), keepdim=True).expand_as(output)
+    )
+    try:
+        yield
+    finally:
+        handle.remove()
 
 
 def _health(model: ETNet, pyramid: Pyramid) -> Health:

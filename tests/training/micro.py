@@ -5,16 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from etnet.nets.presets import PRESETS
 from etnet.simulation.config import SceneConfig
-from etnet.training.config import DataConfig, LossConfig, OptimiserConfig, Stage, TrainConfig, ValidationConfig
+from etnet.training.config import (
+    DataConfig,
+    LossConfig,
+    OptimiserConfig,
+    Stage,
+    TrainConfig,
+    ValidationConfig,
+    network_preset,
+)
 
 
 def micro(out: Path, **changes: object) -> TrainConfig:
     """4-channel network, 40 × 48 pixels, 4 windows a clip in stretches of 2, no workers."""
     config = TrainConfig(
         out=out,
-        network=replace(PRESETS["tiny"], positions="grid"),
+        network=replace(network_preset("tiny"), positions="grid"),
         initialise="local",
         stages=(Stage(6, size=(40, 48)),),
         truncate=2,

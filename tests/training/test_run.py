@@ -145,7 +145,7 @@ def test_the_log_tells_training_and_validation(tmp_path: Path):
     assert [(line["kind"], line["update"]) for line in lines[1:]] == told
     assert told == [("validation", 0), ("train", 2), ("validation", 2), ("train", 4), ("validation", 4)]
     scores = [line for line in lines if line["kind"] == "validation"]
-    assert set(scores[0]["lpips"]) == {"as_is", "without_context", "uniform_attention"}
+    assert set(scores[0]["lpips"]) == {"as_is", "without_context", "mean_context", "uniform_attention"}
     assert run.best == min(line["lpips"]["as_is"] for line in scores)
     assert set(scores[0]["health"]["live_units"]) == {"upsampler0", "upsampler1", "upsampler2"}
     assert (tmp_path / "preview_0000004.png").exists()
