@@ -49,3 +49,17 @@ def voxel_grid(events: Events, bins: int = 5) -> Float[Tensor, "bins h w"]:
     import torch
 
     return torch.from_numpy(voxel_array(events, bins))
+
+
+def normalise_nonzero(voxel: Float[Tensor, "bins h w"]) -> Float[Tensor, "bins h w"]:
+    """Shift and scale the non-zero entries to mean 0 and standard deviation 1, as E2VID and FireNet want it.
+
+    Zeros stay zeros. A grid whose non-zero entries are all alike is returned as it is.
+    """
+    nonzero = voxel != 0
+    count = int(nonzero.sum())
+    if count == 0:
+        return voxel
+    mean = voxel.sum() / count
+    deviation = ((voxel**2).sum() / count - mean**2).clamp_min(0).sqrt()
+    return (voxel - mean) / deviation * nonzero if deviation > 0 else voxel

@@ -59,5 +59,5 @@ class Events:
             return Events.empty(sensor)
         if len(parts) == 1:
             return parts[0]
-        columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x", "y", "t", "p"))
-        return Events(*columns, sensor)
+        x, y, t, p = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x", "y", "t", "p"))
+        return Events(x, y, t, p, sensor)

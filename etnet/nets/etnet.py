@@ -158,10 +158,10 @@ class TokenPyramidAggregation(nn.Module):
 class ETNet(nn.Module):
     """The network of the paper's Fig. 1. State: hidden and cell of levels 1, 2, 3, in this order."""
 
-    name = "etnet"
-
     def __init__(self, config: ETNetConfig) -> None:
         super().__init__()
+        self.name = "etnet"
+        self.card: dict[str, object] = {}
         self.config = config
         self.bins = config.bins
         self.normalise_voxels = config.normalise_voxels

@@ -21,6 +21,9 @@ PRESETS: dict[str, ETNetConfig] = {
 }
 """`etnet`: the paper's best. `etnet-half`: half its width, our default on a CPU. `tiny`: for tests."""
 
+ARCHITECTURES: dict[str, tuple[type[ETNetConfig], type[ETNet]]] = {"ETNet": (ETNetConfig, ETNet)}
+"""Configuration and network by the class name that weights files carry."""
+
 
 def build_model(preset_or_config: str | ETNetConfig, generator: torch.Generator | None = None) -> ETNet:
     """A network with fresh random weights: for training and tests, never shown as a reconstruction.

@@ -44,7 +44,7 @@ def apply_runtime(model: nn.Module, runtime: Runtime) -> None:
             module.path = runtime.attention
     layout = torch.channels_last if runtime.channels_last else torch.contiguous_format
     model.to(memory_format=layout)  # pyright: ignore[reportCallIssue]  torch's stub lacks this overload
-    model.runtime = runtime  # pyright: ignore[reportAttributeAccessIssue]
+    model.runtime = runtime  # pyright: ignore[reportArgumentType]
 
 
 def contract_of(model: nn.Module) -> Contract:

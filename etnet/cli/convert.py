@@ -1,0 +1,38 @@
+"""`etnet convert IN OUT`: a released checkpoint, or a trainer's, becomes a weights file of ours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from etnet.cli.progress import console
+
+
+@dataclass(frozen=True)
+class Convert:
+    """Read a checkpoint without running anything in it, and write safetensors with all that a model needs."""
+
+    source: tyro.conf.Positional[Path]
+    """A torch checkpoint of the released ET-Net code (.pth, .pth.tar)."""
+    target: tyro.conf.Positional[Path]
+    """The weights file to write (.safetensors)."""
+    heads: int = 8
+    """Attention heads: the one thing no tensor's shape tells."""
+    dtype: Literal["fp32", "fp16"] = "fp32"
+    """fp32 keeps the checkpoint's frames to the last digit."""
+
+
+def run(config: Convert) -> int:
+    """Do it; returns the exit code."""
+    import torch
+
+    from etnet.nets.convert import convert_checkpoint
+    from etnet.nets.weights import save_weights
+
+    model, what = convert_checkpoint(config.source, config.heads)
+    save_weights(model, config.target, model.card, torch.float16 if config.dtype == "fp16" else torch.float32)
+    console.print(f"{config.target}: {what}")
+    return 0

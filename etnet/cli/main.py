@@ -1,0 +1,56 @@
+"""`etnet COMMAND …`: exit code 0 done, 1 a named failure, 2 usage."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any
+
+import tyro
+
+from etnet.errors import EtnetError
+
+_COMMANDS: dict[str, tuple[str, str]] = {
+    "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
+    "convert": ("etnet.cli.convert", "Convert"),
+}
+"""Command → the module that holds it, and its configuration's class."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; what it raises on purpose becomes one line."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(_help())
+        return 0 if arguments else 2
+    if arguments[0] not in _COMMANDS:
+        print(f"etnet: no command is called {arguments[0]!r}\n\n{_help()}", file=sys.stderr)
+        return 2
+    module_name, class_name = _COMMANDS[arguments[0]]
+    module = import_module(module_name)
+    config: Any = tyro.cli(getattr(module, class_name), prog=f"etnet {arguments[0]}", args=arguments[1:])
+    return guarded(lambda: module.run(config), "etnet")
+
+
+def guarded(command: Callable[[], int], program: str) -> int:
+    """Run a command; a failure with a name is printed as one line and gives exit code 1."""
+    try:
+        return command()
+    except EtnetError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"{program}: stopped", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"{program}: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
+        return 1
+
+
+def _help() -> str:
+    lines = ["usage: etnet COMMAND [OPTIONS]   (etnet COMMAND --help tells the options)", ""]
+    for name, (module_name, _) in _COMMANDS.items():
+        summary = (import_module(module_name).__doc__ or "").strip().partition(": ")[2].splitlines()[0]
+        lines.append(f"  {name:<12} {summary[:1].upper()}{summary[1:]}")
+    return "\n".join(lines)

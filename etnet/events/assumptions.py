@@ -1,0 +1,58 @@
+"""What a person knows about a file that the file does not say, and what may be mended in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from etnet.errors import RecordingError
+from etnet.events.events import Sensor
+
+TimeUnit = Literal["s", "ms", "us", "ns"]
+
+Progress = Callable[[float], None]
+"""Is told the fraction done, 0 … 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """Stated facts win over what is found in the file, and a remark says so.
+
+    `width`, `height`: the sensor, both or neither. `time_unit`: what the stamps count. `polarity`: "auto" takes 0/1 and
+    −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON and the others as OFF.
+    `sort` puts stamps in order, `drop_outside` leaves out events beyond the sensor; either makes the reader load the
+    whole file.
+    """
+
+    width: int | None = None
+    height: int | None = None
+    time_unit: TimeUnit | None = None
+    polarity: Literal["auto", "inverted", "positive"] = "auto"
+    sort: bool = False
+    drop_outside: bool = False
+
+    def __post_init__(self) -> None:
+        if (self.width is None) != (self.height is None):
+            raise RecordingError("an assumed sensor needs both sides; give width=… and height=…")
+        for side in (self.width, self.height):
+            if side is not None and not 0 < side <= 65_536:
+                raise RecordingError(f"an assumed sensor side is {side}; it must be in 1 … 65,536 pixels")
+        if self.time_unit not in (None, "s", "ms", "us", "ns"):
+            raise RecordingError(f'the assumed time unit is "{self.time_unit}"; it is one of s, ms, us, ns')
+        if self.polarity not in ("auto", "inverted", "positive"):
+            raise RecordingError(f'the polarity rule is "{self.polarity}"; it is one of auto, inverted, positive')
+
+    @property
+    def sensor(self) -> Sensor | None:
+        """The stated sensor, if one is stated."""
+        return None if self.width is None or self.height is None else Sensor(self.width, self.height)
+
+    @property
+    def mends(self) -> bool:
+        """Whether the whole file has to be looked through at opening."""
+        return self.sort or self.drop_outside
+
+
+NOTHING_ASSUMED = Assumptions()
+"""The file is taken at its word."""

@@ -1,0 +1,82 @@
+"""Prophesee DAT: records of eight bytes (u32 t in µs, u32 address), so events are read in slices with no index.
+
+Layout: docs.prophesee.ai, "DAT file format". Version 2 has 14 bits x, 14 bits y, 4 bits polarity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from etnet.errors import RecordingError
+from etnet.events.formats.base import Format, Opened, Remarks, Request
+from etnet.events.formats.collect import Decoded, collect
+from etnet.events.formats.paged import PAGE, paged
+from etnet.events.formats.prophesee import read_header
+
+_EVENT_TYPES = (0x00, 0x0C)
+"""Change events: the old "2d" and the later "CD"; both have one layout in version 2."""
+
+
+def _open(request: Request) -> Opened:
+    remarks = Remarks()
+    header = read_header(request)
+    version = header.fields.get("Version", "1")
+    with request.path.open("rb") as file:
+        file.seek(header.num_bytes)
+        kind = file.read(2)
+    if len(kind) < 2 or kind[0] not in _EVENT_TYPES or kind[1] != 8:
+        raise RecordingError(
+            f"{request.name}: a DAT file of event type {kind.hex() or 'none'}; "
+            "wanted change events of 8 bytes (0008 or 0c08)"
+        )
+    size = request.path.stat().st_size - header.num_bytes - 2
+    if size % 8:
+        remarks.repaired(f"{size % 8} bytes after the last whole event were left out; the file may be truncated")
+    if size < 8:
+        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    words = np.memmap(request.path, "<u4", "r", offset=header.num_bytes + 2, shape=(size // 8, 2))
+    offset = int(header.fields["T0"]) if header.fields.get("T0", "").isdigit() else 0
+    declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
+    bits = (9, 8) if version == "1" else (14, 14)
+
+    def read(start: int, stop: int) -> Decoded:
+        return _decoded(words[start:stop], bits, offset)
+
+    # 32 bits of µs begin anew after 71.6 minutes; whoever looks for a later moment needs the stamps unrolled.
+    if bool((np.diff(words[:: max(1, len(words) // 4096), 0].astype(np.int64)) < 0).any()):
+        remarks.repaired("the 32-bit stamps begin anew (every 71.6 minutes) and were unrolled")
+        collected = collect(request, _unrolled(words, bits, offset), declared, remarks)
+    else:
+        collected = paged(request, "Prophesee DAT", len(words), read, declared, remarks)
+    name = f"Prophesee DAT {version}"
+    return Opened(name, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+
+
+def _decoded(words: np.ndarray, bits: tuple[int, int], offset: int) -> Decoded:
+    stamps, address = words[:, 0].astype(np.int64) + offset, np.asarray(words[:, 1])
+    x = (address & ((1 << bits[0]) - 1)).astype(np.uint16)
+    y = ((address >> bits[0]) & ((1 << bits[1]) - 1)).astype(np.uint16)
+    polarity = (address >> (bits[0] + bits[1])) & 1
+    return Decoded(x, y, stamps, polarity.astype(bool))
+
+
+def _unrolled(words: np.ndarray, bits: tuple[int, int], offset: int) -> Iterator[Decoded]:
+    last, turns = 0, 0
+    for start in range(0, len(words), PAGE):
+        piece = _decoded(words[start : start + PAGE], bits, 0)
+        wraps = np.cumsum(np.diff(piece.t, prepend=last) < -(2**31))
+        last = int(piece.t[-1])
+        stamps = piece.t + (turns + wraps) * 2**32 + offset
+        turns += int(wraps[-1])
+        yield piece._replace(t=stamps, fraction=min(1.0, (start + PAGE) / len(words)))
+
+
+def _is_dat(request: Request) -> bool:
+    return request.head[:1] == b"%" and (
+        b"% Data file containing" in request.head or b"% Version" in request.head or request.suffix == ".dat"
+    )
+
+
+DAT = Format("Prophesee DAT", (".dat",), _is_dat, _open)

@@ -1,0 +1,133 @@
+"""Formats with an index: events stay in the file and are read in slices, each of them checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+from etnet.events.formats.base import Remarks, Request, contained
+from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
+from etnet.events.formats.columns import deduced_sensor, pixel_column, signed_polarity
+from etnet.events.recording import Span
+
+PAGE = 1 << 18
+"""Events read at once when a whole file is gone through."""
+
+_NUM_PROBES = 64
+_PROBE = 4096
+
+ReadColumns = Callable[[int, int], Decoded]
+"""Events start … stop − 1 as the file has them, t in µs."""
+
+
+@dataclass(frozen=True)
+class PagedSource:
+    """Events in a file that can be read by slice. Every slice is checked: order, sensor, polarity."""
+
+    request: Request
+    what: str
+    num_events: int
+    sensor: Sensor
+    read_columns: ReadColumns
+    lock: Lock
+
+    def read(self, start: int, stop: int) -> Events:
+        """Read and convert one slice."""
+        name = self.request.name
+        with self.lock, contained(name, f"events {start} … {stop} of {self.what}"):
+            raw = self.read_columns(start, stop)
+        x, y = pixel_column(raw.x, "x", name), pixel_column(raw.y, "y", name)
+        events = Events(x, y, raw.t, signed_polarity(raw.p, self.request.assume, name), self.sensor)
+        if not len(raw.x) == len(raw.y) == len(raw.t) == len(raw.p) == stop - start:
+            raise RecordingError(f"{name}: columns end before event {stop}; the file may be truncated")
+        _check(events, start, name)
+        return events
+
+    def close(self) -> None:
+        """The file belongs to the request's resources."""
+
+
+def paged(
+    request: Request,
+    what: str,
+    num_events: int,
+    read_columns: ReadColumns,
+    declared: Sensor | None,
+    remarks: Remarks,
+) -> Collected:
+    """A recording that stays in its file; with `--sort` or `--drop-outside` it is loaded and mended instead."""
+    if num_events == 0:
+        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    if request.assume.mends:
+        return collect(request, _pages(num_events, read_columns), declared, remarks)
+    sensor = stated_sensor(request, declared, remarks)
+    probes = _probes(num_events, read_columns)
+    if sensor is None:
+        sensor = _probed_sensor(probes, request, num_events, read_columns, remarks)
+    _check_probes(probes, request.name)
+    span = Span(int(read_columns(0, 1).t[0]), int(read_columns(num_events - 1, num_events).t[0]))
+    source = PagedSource(request, what, num_events, sensor, read_columns, Lock())
+    return Collected(source, sensor, span)
+
+
+def _pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
+    for start in range(0, num_events, PAGE):
+        stop = min(start + PAGE, num_events)
+        yield read_columns(start, stop)._replace(fraction=stop / num_events)
+
+
+def _probes(num_events: int, read_columns: ReadColumns) -> list[tuple[int, Decoded]]:
+    """A few short slices, spread over the file, first and last events among them."""
+    last = max(0, num_events - _PROBE)
+    starts = sorted({int(place) for place in np.linspace(0, last, min(_NUM_PROBES, 1 + num_events // _PROBE))} | {last})
+    return [(start, read_columns(start, min(start + _PROBE, num_events))) for start in starts]
+
+
+def _check_probes(probes: list[tuple[int, Decoded]], name: str) -> None:
+    before = None
+    for start, probe in probes:
+        if before is not None and start >= before[0] and probe.t[0] < before[1]:
+            raise RecordingError(
+                f"{name}: time runs back before event {start} ({before[1]} > {probe.t[0]} µs); open it with --sort"
+            )
+        before = (start + len(probe.t), int(probe.t[-1]))
+
+
+def _probed_sensor(
+    probes: list[tuple[int, Decoded]],
+    request: Request,
+    num_events: int,
+    read_columns: ReadColumns,
+    remarks: Remarks,
+) -> Sensor:
+    """From all events of a short file, from the probes of a long one (which then must fill a known sensor)."""
+    pieces = [probe for _, probe in probes]
+    where = "the events looked at"
+    if num_events <= 16 * PAGE:
+        pieces, where = list(_pages(num_events, read_columns)), "the events"
+    reach_x = max(int(pixel_column(piece.x, "x", request.name).max(initial=0)) for piece in pieces)
+    reach_y = max(int(pixel_column(piece.y, "y", request.name).max(initial=0)) for piece in pieces)
+    return deduced_sensor(reach_x, reach_y, request.name, remarks, where)
+
+
+def _check(events: Events, start: int, name: str) -> None:
+    if len(events) == 0:
+        return
+    if events.x.max() >= events.sensor.width or events.y.max() >= events.sensor.height:
+        outside = (events.x >= events.sensor.width) | (events.y >= events.sensor.height)
+        i = int(np.argmax(outside))
+        raise RecordingError(
+            f"{name}: event {start + i} is at ({events.x[i]}, {events.y[i]}), beyond {events.sensor}; "
+            "state the size with --assume width=…,height=… or open it with --drop-outside"
+        )
+    steps = np.diff(events.t)
+    if len(steps) and int(steps.min()) < 0:
+        i = int(np.argmax(steps < 0)) + 1
+        raise RecordingError(
+            f"{name}: time runs back at event {start + i} ({events.t[i - 1]} > {events.t[i]} µs); open it with --sort"
+        )

@@ -1,0 +1,131 @@
+"""Files inside a folder or a zip archive, read without letting either one harm the machine."""
+
+from __future__ import annotations
+
+import zipfile
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Lock
+from typing import IO, Protocol
+
+from etnet.errors import RecordingError
+
+MAX_MEMBERS = 200_000
+MAX_RATIO = 200
+"""A member that grows more than this, and beyond FREE_SIZE, is taken for a bomb; event text grows about fivefold."""
+
+FREE_SIZE = 256 << 20
+MAX_SMALL_FILE = 64 << 20
+"""Largest picture or table that is read whole."""
+
+
+class Store(Protocol):
+    """Named files."""
+
+    def names(self) -> tuple[str, ...]:
+        """All files, with "/" between folders, sorted."""
+        ...
+
+    def size(self, name: str) -> int:
+        """Bytes of a file."""
+        ...
+
+    def open(self, name: str) -> IO[bytes]:
+        """A stream from the file's start."""
+        ...
+
+    def local_path(self, name: str) -> Path | None:
+        """Where the file lies by itself, if it does."""
+        ...
+
+
+class FolderStore:
+    """A folder. Links that lead out of it are refused."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+        self._label = folder.name
+
+    def names(self) -> tuple[str, ...]:
+        """Files of the folder and of folders in it, two levels deep at most."""
+        found: list[str] = []
+        for pattern in ("*", "*/*", "*/*/*"):
+            for path in self._folder.glob(pattern):
+                if path.is_file():
+                    found.append(path.relative_to(self._folder).as_posix())
+                if len(found) > MAX_MEMBERS:
+                    raise RecordingError(
+                        f"{self._label}: more than {MAX_MEMBERS} files; name the recording's own folder"
+                    )
+        return tuple(sorted(found))
+
+    def size(self, name: str) -> int:
+        """Bytes of a file."""
+        return self._inside(name).stat().st_size
+
+    def open(self, name: str) -> IO[bytes]:
+        """A stream from the file's start."""
+        return self._inside(name).open("rb")
+
+    def local_path(self, name: str) -> Path | None:
+        """The file's own path."""
+        return self._inside(name)
+
+    def _inside(self, name: str) -> Path:
+        path = (self._folder / name).resolve()
+        if not path.is_relative_to(self._folder):
+            raise RecordingError(f"{self._label}: {name} leads out of the folder; copy the file into it")
+        if not path.is_file():
+            raise RecordingError(f"{self._label}: {name} is missing or no regular file")
+        return path
+
+
+class ZipStore:
+    """A zip archive, never unpacked as a whole. Python's zipfile stops at a member's declared size."""
+
+    def __init__(self, path: Path, resources: ExitStack) -> None:
+        self._label = path.name
+        try:
+            self._archive = resources.enter_context(zipfile.ZipFile(path))
+        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as slip:
+            raise RecordingError(f"{path.name}: no readable zip archive ({slip}); it may be truncated") from slip
+        self._lock = Lock()
+        members = self._archive.infolist()
+        if len(members) > MAX_MEMBERS:
+            raise RecordingError(f"{path.name}: {len(members)} members; at most {MAX_MEMBERS} are read")
+        self._members = {member.filename: member for member in members if not member.is_dir()}
+        for member in self._members.values():
+            if member.file_size > max(FREE_SIZE, MAX_RATIO * member.compress_size):
+                raise RecordingError(
+                    f"{path.name}: {member.filename} would grow from {member.compress_size} to {member.file_size} "
+                    "bytes, like a zip bomb; unpack it by hand if you trust it"
+                )
+
+    def names(self) -> tuple[str, ...]:
+        """All members."""
+        return tuple(sorted(self._members))
+
+    def size(self, name: str) -> int:
+        """Declared bytes of a member."""
+        return self._members[name].file_size
+
+    def open(self, name: str) -> IO[bytes]:
+        """A stream of the unpacked member."""
+        if self._members[name].flag_bits & 1:
+            raise RecordingError(f"{self._label}: {name} is encrypted; unpack it by hand")
+        with self._lock:
+            return self._archive.open(name)
+
+    def local_path(self, name: str) -> Path | None:
+        """A member has no path of its own."""
+        return None
+
+
+def read_small(store: Store, name: str, label: str) -> bytes:
+    """A whole small file: a picture, a table of stamps, a piece of metadata."""
+    if store.size(name) > MAX_SMALL_FILE:
+        raise RecordingError(
+            f"{label}: {name} has {store.size(name)} bytes; at most {MAX_SMALL_FILE} are expected there"
+        )
+    with store.open(name) as stream:
+        return stream.read(MAX_SMALL_FILE + 1)

@@ -1,0 +1,110 @@
+"""Open any recording: find out what the file is by its content, then let that format's reader read it."""
+
+from __future__ import annotations
+
+import stat
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from etnet.errors import RecordingError
+from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, Progress
+from etnet.events.cache import Scratch
+from etnet.events.events import Events
+from etnet.events.formats.base import HEAD_BYTES, Format, Request, contained
+from etnet.events.formats.store import FolderStore, ZipStore
+from etnet.events.formats.table import FORMATS
+from etnet.events.recording import EventSource, Recording
+from etnet.events.view import WHOLE_VIEW, View, seen_through
+
+__all__ = ["Assumptions", "View", "open_recording"]
+
+_ZIP = b"PK\x03\x04"
+
+
+@dataclass(frozen=True)
+class _OwningSource:
+    """A source that closes the files and removes the scratch folder it was read from."""
+
+    inner: EventSource
+    resources: ExitStack
+
+    @property
+    def num_events(self) -> int:
+        return self.inner.num_events
+
+    def read(self, start: int, stop: int) -> Events:
+        return self.inner.read(start, stop)
+
+    def close(self) -> None:
+        self.inner.close()
+        self.resources.close()
+
+
+def open_recording(
+    path: str | Path,
+    *,
+    assume: Assumptions = NOTHING_ASSUMED,
+    view: View = WHOLE_VIEW,
+    progress: Progress | None = None,
+) -> Recording:
+    """Open a file, folder or zip of any format in the table.
+
+    What was detected, repaired or assumed stands in `recording.remarks`. `progress` is told the fraction done while a
+    format with no index is decoded. Raises RecordingError, which names the file, the place and the remedy.
+    """
+    path = Path(path)
+    told = progress or (lambda _: None)
+    with ExitStack() as resources:
+        scratch = Scratch(path.name)
+        resources.callback(scratch.close)
+        request = _request(path, assume, told, resources, scratch)
+        chosen = _format_of(request)
+        with contained(request.name, chosen.name):
+            opened = seen_through(view, chosen.open(request), request)
+        kept = resources.pop_all()
+    told(1.0)
+    return Recording(
+        name=path.stem or path.name,
+        format=opened.format,
+        source=_OwningSource(opened.source, kept),
+        sensor=opened.sensor,
+        span=opened.span,
+        remarks=opened.remarks,
+        ground_truth=opened.ground_truth,
+        path=path,
+    )
+
+
+def _request(path: Path, assume: Assumptions, progress: Progress, resources: ExitStack, scratch: Scratch) -> Request:
+    name = path.name or str(path)
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            return Request(path, name, b"", FolderStore(path).names(), assume, progress, resources, scratch)
+        if not stat.S_ISREG(mode):
+            raise RecordingError(f"{name}: neither a file nor a folder; give the path of a recording")
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except FileNotFoundError as slip:
+        raise RecordingError(f"{path}: there is no such file or folder") from slip
+    except (OSError, ValueError) as slip:
+        raise RecordingError(f"{name}: cannot be opened ({slip})") from slip
+    if not head:
+        raise RecordingError(f"{name}: an empty file; there is nothing to open")
+    members: tuple[str, ...] = ()
+    if head[:4] == _ZIP:
+        with ExitStack() as briefly:
+            members = ZipStore(path, briefly).names()
+    return Request(path, name, head, members, assume, progress, resources, scratch)
+
+
+def _format_of(request: Request) -> Format:
+    """The first format that recognises the content; among several, one with the file's suffix."""
+    with contained(request.name, "its beginning"):
+        fitting = [entry for entry in FORMATS if entry.recognises(request)]
+    if not fitting:
+        known = ", ".join(entry.name for entry in FORMATS)
+        what = "folder" if request.path.is_dir() else f"file that begins with {request.head[:8]!r}"
+        raise RecordingError(f"{request.name}: a {what} of no known format; read are {known}")
+    return next((entry for entry in fitting if request.suffix in entry.suffixes), fitting[0])

@@ -1,0 +1,1 @@
+"""Frames on disk: images and video."""

@@ -1,0 +1,136 @@
+"""Weights files: safetensors whose metadata hold everything that the tensors cannot tell."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from etnet.bundled import models
+from etnet.errors import ModelError, WeightsError
+from etnet.nets.etnet import ETNet
+from etnet.nets.precision import PrecisionChoice, choose_runtime
+from etnet.nets.presets import ARCHITECTURES, PRESETS
+from etnet.nets.runtime import apply_runtime
+
+FORMAT = "etnet-weights-1"
+
+
+def save_weights(
+    model: nn.Module, path: Path, card: Mapping[str, Any] | None = None, dtype: torch.dtype | None = torch.float16
+) -> None:
+    """Write a model's weights, configuration and card to `path`, atomically; fp16 unless told otherwise."""
+    config: Any = model.config
+    metadata = {
+        "format": FORMAT,
+        "architecture": type(model).__name__,
+        "config": json.dumps(dataclasses.asdict(config)),
+        "card": json.dumps(dict(card or {})),
+    }
+    state = {name: tensor.detach().to("cpu", dtype).contiguous() for name, tensor in model.state_dict().items()}
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+    os.close(handle)
+    try:
+        save_file(state, temporary, metadata)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """The card of a weights file: what it was trained on and what it expects; reads no tensor."""
+    return json.loads(_metadata(path)["card"])
+
+
+def load_weights(path: Path, device: str = "cpu") -> ETNet:
+    """A model with the weights of a file, in fp32. Names the first parameter that is missing or unexpected."""
+    metadata = _metadata(path)
+    architecture = metadata["architecture"]
+    if architecture not in ARCHITECTURES:
+        raise WeightsError(f"{path.name}: is a {architecture}; known are {', '.join(ARCHITECTURES)}")
+    config_type, model_type = ARCHITECTURES[architecture]
+    try:
+        config = config_type(**json.loads(metadata["config"]))
+    except (TypeError, ModelError) as error:
+        raise WeightsError(f"{path.name}: its configuration does not fit {architecture} ({error})") from None
+    with torch.random.fork_rng(devices=[]):
+        model = model_type(config)
+    with safe_open(path, framework="pt", device="cpu") as file:
+        load_strictly(model, {name: file.get_tensor(name) for name in file.keys()}, path.name)  # noqa: SIM118
+    model.name = path.stem
+    model.card = json.loads(metadata["card"])
+    return model.eval().to(device)
+
+
+def load_strictly(model: nn.Module, state: Mapping[str, Tensor], source: str) -> None:
+    """Copy `state` into `model`; a name or shape that does not fit is an error that says which."""
+    expected = model.state_dict()
+    missing = next((name for name in expected if name not in state), None)
+    unexpected = next((name for name in state if name not in expected), None)
+    if missing or unexpected:
+        raise WeightsError(
+            f"{source}: first missing parameter {missing}, first unexpected {unexpected}; "
+            f"the file belongs to another configuration of {type(model).__name__}"
+        )
+    wrong = next((name for name in expected if expected[name].shape != state[name].shape), None)
+    if wrong:
+        raise WeightsError(f"{source}: {wrong} is {tuple(state[wrong].shape)}, wanted {tuple(expected[wrong].shape)}")
+    model.load_state_dict({name: tensor.to(expected[name].dtype) for name, tensor in state.items()})
+
+
+def load_model(
+    name_or_path: str | Path = "etnet-half", device: str = "cpu", precision: PrecisionChoice = "fp32"
+) -> ETNet:
+    """A model ready to reconstruct: a preset's bundled weights by name, or a weights file by path.
+
+    `precision` "auto" times one small encode and decode in fp32 and bf16 and keeps the faster.
+    """
+    model = load_weights(_find(name_or_path), device)
+    apply_runtime(model, choose_runtime(model, precision, device))
+    for parameter in model.parameters():
+        parameter.requires_grad_(False)
+    return model
+
+
+def _find(name_or_path: str | Path) -> Path:
+    bundled = {path.stem: path for path in models()}
+    if str(name_or_path) in bundled:
+        return bundled[str(name_or_path)]
+    path = Path(name_or_path)
+    if path.suffix in (".pth", ".pt", ".tar"):
+        raise WeightsError(
+            f"{path.name}: is a torch checkpoint; convert it first: etnet convert {path.name} {path.stem}.safetensors"
+        )
+    if path.is_file():
+        return path
+    if str(name_or_path) in PRESETS:
+        raise WeightsError(
+            f"no weights for {name_or_path!r} come with this project; convert the released checkpoint: "
+            f"etnet convert official.pth {name_or_path}.safetensors, then name that file"
+        )
+    raise WeightsError(f"{name_or_path}: no such weights file or model; bundled are {', '.join(bundled) or 'none'}")
+
+
+def _metadata(path: Path) -> dict[str, str]:
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+    except (SafetensorError, OSError) as error:
+        raise WeightsError(f"{path.name}: not a safetensors file that can be read ({error})") from None
+    if metadata.get("format") != FORMAT:
+        raise WeightsError(
+            f"{path.name}: its metadata say format {metadata.get('format')!r}, wanted {FORMAT!r}; "
+            "make it with `etnet convert`, which stores what the tensors cannot tell"
+        )
+    return metadata

@@ -1,0 +1,1 @@
+"""Exact random access to a recurrent reconstruction."""

@@ -1,0 +1,225 @@
+"""Playback: any frame, in any order, equal to the sequential run bit for bit (law 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from etnet.errors import Cancelled
+from etnet.events.recording import Recording
+from etnet.nets.attention import AttentionProbe
+from etnet.nets.base import Pyramid, Reconstructor, State, Step
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.playback.checkpoints import Checkpoints
+from etnet.playback.frames import Frames
+from etnet.reconstruction import window_voxel
+from etnet.windows import Window
+
+STATE_SHARE = 0.85
+"""Of the byte budget, for states; the rest holds frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seek:
+    """What it takes to show one window: replay `num_replayed` windows after state `from_index` (−1: a cold start)."""
+
+    index: int
+    from_index: int
+    num_replayed: int
+    has_frame: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CacheReport:
+    """Which frames and states are held, as half-open ranges of window indices, and their bytes."""
+
+    frames: tuple[range, ...]
+    states: tuple[range, ...]
+    nbytes: int
+
+
+class Playback:
+    """Exact random access to what `model` makes of `windows`.
+
+    A frame comes from the frame cache; else from the state after its window, decoded with no replay; else from the
+    nearest state before it, replaying `encode` alone, and one `decode`. Used by one thread at a time. States before
+    an intervention's start are shared with the branch (`branch`).
+    """
+
+    def __init__(
+        self,
+        model: Reconstructor,
+        recording: Recording,
+        windows: Sequence[Window],
+        budget_bytes: int = 512 << 20,
+    ) -> None:
+        self.model = model
+        self.recording = recording
+        self.windows = windows
+        self.intervention = ORIGINAL
+        self.branch_at = 0
+        self.parent: Playback | None = None
+        self._budget_bytes = budget_bytes
+        self._states = Checkpoints(int(budget_bytes * STATE_SHARE))
+        self._frames = Frames(budget_bytes - int(budget_bytes * STATE_SHARE))
+        self._playhead = 0
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def at(
+        self,
+        index: int,
+        probe: AttentionProbe | None = None,
+        intervention: Intervention = ORIGINAL,
+        cancelled: Callable[[], bool] | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Step:
+        """The step of window `index`, exactly as the sequential run gives it.
+
+        `intervention` here changes this one decode; one that is carried in the memory needs `branch`. `cancelled`
+        is asked between steps and ends the work with `Cancelled`, keeping the states that were made; `progress`
+        is told (windows replayed, windows to replay).
+        """
+        self._check(index)
+        self._playhead = index
+        frame = self._frames.get((index, intervention)) if probe is None else None
+        state = self._state(index)
+        if frame is not None and state is not None:
+            return Step(frame, state)
+        with torch.inference_mode():
+            pyramid, state = self._pyramid(index, cancelled, progress)
+            frame, attention = self.model.decode(pyramid, probe, self._decoding(intervention, index))
+        self._frames.put((index, intervention), frame)
+        return Step(frame, state, attention)
+
+    def frame(self, index: int, intervention: Intervention = ORIGINAL) -> Float[Tensor, "1 1 h w"] | None:
+        """The frame of window `index` if it is held, else `None`; computes nothing."""
+        return self._frames.get((index, intervention))
+
+    def lay_state(self, index: int, cancelled: Callable[[], bool] | None = None) -> None:
+        """Make sure that the state after window `index` was computed, decoding nothing (prefetch)."""
+        self._check(index)
+        if self._state(index) is None:
+            with torch.inference_mode():
+                self._pyramid(index, cancelled, None)
+
+    def approximate(self, index: int, warm_up: int, cancelled: Callable[[], bool] | None = None) -> Step:
+        """The frame after a cold start `warm_up` windows earlier: a preview, never kept, never called exact."""
+        self._check(index)
+        state, pyramid = None, None
+        with torch.inference_mode():
+            for i in range(max(0, index - warm_up), index + 1):
+                _raise_if(cancelled)
+                pyramid, state = self.model.encode(self._input(i), state, self._encoding(i))
+            assert pyramid is not None
+            assert state is not None
+            frame, _ = self.model.decode(pyramid, None, self._decoding(ORIGINAL, index))
+        return Step(frame, state)
+
+    def voxel(self, index: int) -> Float[Tensor, "bins h w"]:
+        """The voxel grid that the network gets for window `index`, its normalisation applied."""
+        self._check(index)
+        return window_voxel(self.model, self.recording, self.windows[index])
+
+    def plan(self, index: int) -> Seek:
+        """What `at(index)` would have to do now."""
+        self._check(index)
+        has_frame = (index, ORIGINAL) in self._frames
+        if self._state(index) is not None:
+            return Seek(index, index, 0, has_frame)
+        before = self._nearest_before(index)
+        return Seek(index, before, index - before, has_frame)
+
+    def cached(self) -> CacheReport:
+        """Which frames and states are held now."""
+        frames = {key[0] for key in self._frames.keys() if isinstance(key, tuple) and key[1] == ORIGINAL}  # noqa: SIM118
+        return CacheReport(_ranges(frames), _ranges(self._states), self._frames.nbytes + self._states.nbytes)
+
+    def has_frame(self, index: int, intervention: Intervention = ORIGINAL) -> bool:
+        """Whether the frame of window `index` is held."""
+        return (index, intervention) in self._frames
+
+    def branch(self, at: int, intervention: Intervention) -> Playback:
+        """A playback in which `intervention` holds from window `at` on; all states before it are shared."""
+        self._check(at)
+        branch = Playback(self.model, self.recording, self.windows, self._budget_bytes // 2)
+        branch.intervention, branch.branch_at, branch.parent = intervention, at, self
+        return branch
+
+    @property
+    def budget_bytes(self) -> int:
+        """Bytes that states and frames may take together."""
+        return self._budget_bytes
+
+    @budget_bytes.setter
+    def budget_bytes(self, budget_bytes: int) -> None:
+        self._budget_bytes = budget_bytes
+        states = int(budget_bytes * STATE_SHARE)
+        self._states.set_budget(states, self._playhead)
+        self._frames.set_budget(budget_bytes - states)
+
+    def _pyramid(
+        self, index: int, cancelled: Callable[[], bool] | None, progress: Callable[[int, int], None] | None
+    ) -> tuple[Pyramid, State]:
+        held = self._state(index)
+        if held is not None:
+            _raise_if(cancelled)
+            return self.model.pyramid(self._input(index), held), held
+        before = self._nearest_before(index)
+        state, pyramid = (None, None) if before < 0 else (self._state(before), None)
+        for i in range(before + 1, index + 1):
+            _raise_if(cancelled)
+            pyramid, state = self.model.encode(self._input(i), state, self._encoding(i))
+            self._states.put(i, state, index)
+            if progress is not None:
+                progress(i - before, index - before)
+        assert pyramid is not None
+        assert state is not None
+        return pyramid, state
+
+    def _input(self, index: int) -> Tensor:
+        voxel = window_voxel(self.model, self.recording, self.windows[index])[None]
+        return voxel.to(next(self.model.parameters()).device)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _state(self, index: int) -> State | None:
+        if self.parent is not None and index < self.branch_at:
+            return self.parent._state(index)
+        return self._states.get(index)
+
+    def _nearest_before(self, index: int) -> int:
+        """The nearest index before `index` whose state is held, here or before the branch; −1 for none."""
+        nearest = self._states.nearest_before(index)
+        if self.parent is not None and (nearest is None or nearest < self.branch_at):
+            nearest = self.parent._nearest_before(min(index, self.branch_at))
+        return -1 if nearest is None else nearest
+
+    def _encoding(self, index: int) -> Intervention:
+        return self.intervention if index >= self.branch_at else ORIGINAL
+
+    def _decoding(self, intervention: Intervention, index: int) -> Intervention:
+        return intervention if intervention != ORIGINAL else self._encoding(index)
+
+    def _check(self, index: int) -> None:
+        if not 0 <= index < len(self.windows):
+            raise IndexError(f"{self.recording.name}: window {index} of {len(self.windows)}")
+
+
+def _raise_if(cancelled: Callable[[], bool] | None) -> None:
+    if cancelled is not None and cancelled():
+        raise Cancelled("nobody wants this frame any more")
+
+
+def _ranges(indices: Iterable[int]) -> tuple[range, ...]:
+    """Sorted indices as half-open ranges."""
+    ranges: list[range] = []
+    for index in sorted(indices):
+        if ranges and ranges[-1].stop == index:
+            ranges[-1] = range(ranges[-1].start, index + 1)
+        else:
+            ranges.append(range(index, index + 1))
+    return tuple(ranges)

@@ -1,0 +1,31 @@
+"""The verb of this library: a recording and a model → frames, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from etnet.events.recording import Recording
+from etnet.nets.base import Reconstructor, Step
+from etnet.voxel import normalise_nonzero, voxel_grid
+from etnet.windows import Policy, Window, plan_windows
+
+
+def window_voxel(model: Reconstructor, recording: Recording, window: Window) -> Float[Tensor, "bins h w"]:
+    """The exact tensor that `model` gets for one window: voted, and normalised if the model declares it."""
+    voxel = voxel_grid(recording.read(window.start, window.stop), model.bins)
+    return normalise_nonzero(voxel) if model.normalise_voxels else voxel
+
+
+def reconstruct(model: Reconstructor, recording: Recording, policy: Policy) -> Iterator[tuple[Window, Step]]:
+    """Every window of `recording` in order, from a cold start, with the step that `model` makes of it."""
+    state = None
+    for window in plan_windows(recording, policy):
+        voxel = window_voxel(model, recording, window)[None]
+        with torch.inference_mode():
+            step = model(voxel, state)
+        state = step.state
+        yield window, step
