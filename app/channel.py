@@ -93,18 +93,18 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | None:
         return None
     kind, _, name = key.partition(":")
     match kind:
-        case "pixel":
+        case "reconstruction" | "camera" | "events":
             return ask.QueryFraction(u, v)
-        case "time":
-            return ask.SeekFraction(u)
         case "site":
-            return ask.ChooseSite(name)
+            return ask.OpenSite(name)
+        case "sites":
+            return ask.CloseSite()
         case "head":
             return ask.ChooseHead(None if name == "mean" else int(name))
-        case "heads":
-            return ask.OpenHeads(name == "open")
         case "bin":
-            return ask.OpenBin(int(name) if name else None)
+            return ask.OpenBin(int(name))
+        case "bins":
+            return ask.OpenBin(None)
     return None
 
 

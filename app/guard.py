@@ -88,7 +88,7 @@ class Guard:
 
 @contextmanager
 def guarding(guard: Guard) -> Iterator[None]:
-    """Servers that are constructed inside are guarded: viser calls `serve` of websockets and passes no check of ours."""
+    """Servers that are constructed inside are guarded: viser calls websockets' `serve` and takes no check of ours."""
     original = websocket_server.serve
 
     def serve(*args: object, process_request: ProcessRequest | None = None, **options: object) -> object:

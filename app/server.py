@@ -63,7 +63,9 @@ def free_port(host: str, port: int) -> int:
             _bind_once(host, candidate)
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
-                raise AddressError(f"cannot listen on {host}:{candidate} ({error.strerror}); try --host 127.0.0.1") from error
+                raise AddressError(
+                    f"cannot listen on {host}:{candidate} ({error.strerror}); try --host 127.0.0.1"
+                ) from error
         else:
             return candidate
     raise AddressError(f"no free port from {port} to {port + PORTS_TRIED - 1} on {host}; name one with --port")

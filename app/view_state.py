@@ -92,9 +92,6 @@ def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> Vi
             return replace(state, index=limits.clamp_index(index), is_playing=False)
         case ask.Move(num_windows):
             return replace(state, index=limits.clamp_index(state.index + num_windows), is_playing=False)
-        case ask.SeekFraction(fraction):
-            last = len(limits.windows or ()) - 1
-            return replace(state, index=limits.clamp_index(round(_unit(fraction) * last)), is_playing=False)
         case ask.SeekTime(seconds):
             t = limits.start + round(min(max(_finite(seconds), 0.0), 1e9) * 1e6)
             return replace(state, index=limits.index_at(t), is_playing=False)
@@ -157,12 +154,12 @@ def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewSt
         case ask.ShowWorkspace(workspace):
             # The attention workspace is a flat view of one map; the others look into the window's depth.
             return replace(state, workspace=workspace, camera="front" if workspace == "attention" else "orbit")
-        case ask.ChooseSite(site):
-            return replace(state, site=site) if SITE_PATTERN.fullmatch(site) else state
+        case ask.OpenSite(site):
+            return replace(state, site=site, opens_heads=True) if SITE_PATTERN.fullmatch(site) else state
+        case ask.CloseSite():
+            return replace(state, opens_heads=False)
         case ask.ChooseHead(head):
             return replace(state, head=None if head is None else min(max(head, 0), NUM_HEADS_CAP - 1))
-        case ask.OpenHeads(is_open):
-            return replace(state, opens_heads=is_open)
         case ask.ChooseEventImage(event_image):
             return replace(state, event_image=event_image)
         case ask.ChooseTone(tone):

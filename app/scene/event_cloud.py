@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import viser
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32
 
+from app.present import EventCloud
 from app.scene.space import DEPTH, Space, box_corners
 
 POINTS_AT_REST = 40_000
 POINTS_IN_MOTION = 10_000
 """While a finger drags or a recording plays: what software graphics still draw at ten frames a second."""
 EDGE = (96, 102, 112)
+ARROW = (205, 211, 220)
 TICKS = 4
 
 
-class EventCloud:
+class CloudNode:
     """Points, the box around them, and the time that its depth stands for."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
@@ -24,22 +26,21 @@ class EventCloud:
         self._points: viser.PointCloudHandle | None = None
         self._labels: list[viser.LabelHandle] = []
         self._depth_text = ""
+        self._shown: EventCloud | None = None
         self._root = scene.add_frame("/window", show_axes=False)
 
-    def show(
-        self,
-        space: Space,
-        pixels_and_age: Float32[np.ndarray, "n 3"],
-        colours: UInt8[np.ndarray, "n 3"],
-        milliseconds: float,
-    ) -> None:
-        """Draw the events of one window that lasts `milliseconds`. Points and colours change in one message."""
+    def show(self, space: Space, cloud: EventCloud) -> None:
+        """Draw the events of one window. Call inside `client.atomic()`: points and colours must change together."""
+        if cloud is self._shown and space == self._space:
+            return
         if space != self._space:
             self._build(space)
         assert self._points is not None
-        self._points.points = space.place(pixels_and_age)
-        self._points.colors = colours
-        self._say_depth(milliseconds)
+        duration = max(cloud.duration_ms, 1e-6)
+        self._points.points = space.place(cloud.points * np.array([1, 1, 1 / duration], np.float32))
+        self._points.colors = cloud.colours
+        self._say_depth(duration)
+        self._shown = cloud
 
     def set_visible(self, is_visible: bool) -> None:
         """Show or hide cloud, box and ticks."""
@@ -58,12 +59,9 @@ class EventCloud:
             point_shading="flat",
             precision="float16",
         )
-        self._scene.add_line_segments(
-            "/window/box", _edges(space), colors=EDGE, thickness=1.0, thickness_units="screen"
-        )
-        self._scene.add_line_segments(
-            "/window/arrow", _arrow(space), colors=(200, 206, 216), thickness=2.0, thickness_units="screen"
-        )
+        lines = self._scene.add_line_segments
+        lines("/window/box", _edges(space), colors=EDGE, thickness=1.0, thickness_units="screen")
+        lines("/window/arrow", _arrow(space), colors=ARROW, thickness=2.0, thickness_units="screen")
         self._labels = [
             self._scene.add_label(
                 f"/window/tick{i}", "", position=_tick(space, i), anchor="top-center", font_screen_scale=0.75

@@ -10,6 +10,8 @@ from jaxtyping import Float, Float32
 from app.intents import Camera
 from etnet.events.events import Sensor
 
+Vector = Float[np.ndarray, " 3"]
+"""A place or a direction in the scene."""
 LONG_SIDE = 3.6
 """Scene units of the sensor's longer side, whatever its pixels: one camera suits all sensors."""
 DEPTH = 3.6
@@ -38,14 +40,14 @@ class Space:
         return self.sensor.height * self.unit
 
     def place(self, pixels_and_age: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
-        """(x, y, age) → scene; age 0 is the newest event, 1 the oldest of the window. A pixel's middle is its place."""
-        middle = np.array([self.sensor.width / 2 - 0.5, self.sensor.height / 2 - 0.5, 0.0], np.float32)
+        """(x, y, age) → scene; age 0 is the newest event, 1 the oldest. x = 0 is the sensor's left edge."""
+        middle = np.array([self.sensor.width / 2, self.sensor.height / 2, 0.0], np.float32)
         return (pixels_and_age - middle) * np.array([self.unit, self.unit, DEPTH], np.float32)
 
     def pixel_hit(
-        self, origin: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], z: float = 0.0
+        self, origin: Vector, direction: Vector, z: float = 0.0
     ) -> tuple[int, int] | None:
-        """The pixel where a ray meets the plane at `z`; `None` when it runs along it, away from it or past the sensor."""
+        """The pixel where a ray meets the plane at `z`; `None` when it misses it."""
         if abs(direction[2]) < 1e-9:
             return None
         reach = (z - origin[2]) / direction[2]
@@ -83,7 +85,8 @@ def camera_place(space: Space, camera: Camera, aspect: float) -> CameraPlace:
     fov = 0.5
     distance = _distance_to_see(space, middle, towards, fov, aspect)
     position = middle + towards * distance
-    return CameraPlace(tuple(map(float, position)), tuple(map(float, middle)), fov, 0.05, distance * 6)
+    x, y, z = map(float, position)
+    return CameraPlace((x, y, z), (0.0, 0.0, DEPTH / 2), fov, 0.05, distance * 6)
 
 
 def box_corners(space: Space) -> Float[np.ndarray, "8 3"]:
@@ -93,7 +96,7 @@ def box_corners(space: Space) -> Float[np.ndarray, "8 3"]:
 
 
 def _distance_to_see(
-    space: Space, middle: Float[np.ndarray, "3"], towards: Float[np.ndarray, "3"], fov: float, aspect: float
+    space: Space, middle: Vector, towards: Vector, fov: float, aspect: float
 ) -> float:
     """How far back along `towards` every corner of the box (and its ticks) lies inside the picture."""
     right = np.cross(towards, np.array([0.0, 1.0, 0.0]))

@@ -23,6 +23,7 @@
   window.etnetHello = () => say("hello", tab(), ...size());
 
   // Clicks, and dragging over an image, which asks at every new place, at most 15 times a second.
+  const isPixel = (element) => ["reconstruction", "camera", "events"].includes(element?.dataset.k);
   let held = null;
   let last = 0;
   const pick = (element, event) => {
@@ -36,13 +37,13 @@
     const element = event.target.closest?.("[data-pick]");
     if (!element || event.button !== 0) return;
     pick(element, event);
-    held = element.dataset.k === "pixel" ? element : null;
+    held = isPixel(element) ? element : null;
   });
   document.addEventListener("pointermove", (event) => {
     if (!held || event.timeStamp - last < 66) return;
     last = event.timeStamp;
     const under = held.isConnected ? held : document.elementFromPoint(event.clientX, event.clientY)?.closest("[data-pick]");
-    if (under?.dataset.k === "pixel") pick((held = under), event);
+    if (isPixel(under)) pick((held = under), event);
   });
   for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => (held = null));
 
