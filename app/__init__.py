@@ -1,1 +1,1 @@
-"""The viewer: recordings, their reconstruction and what the network looks at, in a browser."""
+"""The viewer: a viser application over `etnet`."""

@@ -4,21 +4,21 @@ Put `STYLE` on the page once. Every panel is one string; clicks are told by `dat
 attribute that the caller passes as `on_pick` (trusted: everything else is escaped).
 """
 
-from app.present.attention import AttentionLook, attention_html, attention_plane, site_words
+from app.present.attention import AttentionLook, attention_html, attention_image, site_words
 from app.present.cloud import EventCloud, event_cloud
 from app.present.moment import ARRAYS, PICTURES, Moment
 from app.present.pictures import (
     Tones,
     camera_frame_html,
-    camera_grey,
+    camera_image,
     event_image_html,
     event_picture,
-    frame_grey,
     reconstruction_html,
+    reconstruction_image,
 )
 from app.present.provenance import ModelFacts, provenance_html
 from app.present.style import STYLE
-from app.present.timeline import timeline_html
+from app.present.timeline import now_html, timeline_html, timeline_key_html
 from app.present.voxels import voxel_html
 
 __all__ = [
@@ -31,16 +31,18 @@ __all__ = [
     "Moment",
     "Tones",
     "attention_html",
-    "attention_plane",
+    "attention_image",
     "camera_frame_html",
-    "camera_grey",
+    "camera_image",
     "event_cloud",
     "event_image_html",
     "event_picture",
-    "frame_grey",
+    "now_html",
     "provenance_html",
     "reconstruction_html",
+    "reconstruction_image",
     "site_words",
     "timeline_html",
+    "timeline_key_html",
     "voxel_html",
 ]

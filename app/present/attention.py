@@ -1,6 +1,7 @@
 """Where the network looks from one pixel: all sites in a grid, or one site with its heads.
 
-Clicks send `site:<name>` on a map of the grid, `head:<n>` or `head:mean` on a head, and `sites` to go back.
+Clicks send `site:<name>` on a map of the grid, `head:<n>` on a head, `head:mean`, `pixel` on the large map (its box is the
+sensor), and `heads:close` to go back to all sites.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from jaxtyping import Float, UInt8
 
 from app.present.html import empty, escape, legend, marker, panel, picture
 from app.present.moment import ARRAYS, PICTURES
-from app.present.pictures import Tones, frame_grey, lag_line
+from app.present.pictures import Tones, lag_line, reconstruction_image
 from app.present.words import count, fraction, resolution
+from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.render.attention import HIGHEST, LOWEST, composite, dimmed, on_grid, overlay, times_uniform, tokens_read
 from etnet.render.colours import css_gradient, sequential
@@ -37,6 +39,13 @@ class AttentionLook:
     opacity: float = 1.0
     map_range: MapRange = "shared"
     tones: Tones = field(default_factory=Tones)
+
+    @staticmethod
+    def of(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
+        """As a visitor chose; `None` until he has chosen a pixel."""
+        if state.query is None:
+            return None
+        return AttentionLook(state.query, state.head, state.overlay, state.map_range, Tones.of(state, is_linear_light))
 
 
 class Site(NamedTuple):
@@ -71,8 +80,8 @@ def site_words(name: str, sites: tuple[str, ...]) -> str:
 def attention_html(
     ready: Ready | None,
     look: AttentionLook | None,
-    wanted: int,
     *,
+    wanted: int | None = None,
     opened: str | None = None,
     working: Working | None = None,
     failed: Failed | None = None,
@@ -103,12 +112,27 @@ def attention_html(
     return panel("attention", lag, body, style=variables)
 
 
-def attention_plane(ready: Ready, look: AttentionLook, site: str) -> UInt8[np.ndarray, "h w 3"]:
-    """One map over the dimmed frame at sensor size, for the scene. Needs `ready.attention` with this site."""
+def attention_image(ready: Ready, look: AttentionLook, site: str) -> UInt8[np.ndarray, "h w 3"] | None:
+    """One map over the dimmed frame at sensor size, the query marked; `None` where this site was not probed."""
+    if ready.attention is None or site not in ready.attention.sites:
+        return None
+    row = _row(ready, ready.attention, site, look)
+    return ARRAYS.get(
+        ("attention image", ready.key, look, site), lambda: _over_frame(ready, look, row, look.query), _nbytes
+    )
+
+
+def _over_frame(
+    ready: Ready, look: AttentionLook, row: np.ndarray, query: tuple[int, int] | None
+) -> UInt8[np.ndarray, "h w 3"]:
     assert ready.attention is not None
-    grid, row = ready.attention.grid, _row(ready, ready.attention, site, look)
+    grid = ready.attention.grid
     tokens = overlay(row, grid.rows, grid.columns, _highest(row, look), look.opacity)
-    return composite(frame_grey(ready, look.tones), tokens, grid.top, grid.left, _patch(ready.attention), look.query)
+    return composite(reconstruction_image(ready, look.tones), tokens, grid.top, grid.left, _patch(), query)
+
+
+def _nbytes(array: np.ndarray) -> int:
+    return array.nbytes
 
 
 def _sites(ready: Ready, attention: Attention, look: AttentionLook, on_pick: str) -> str:
@@ -130,7 +154,7 @@ def _sites(ready: Ready, attention: Attention, look: AttentionLook, on_pick: str
     who = "mean of all heads" if look.head is None else f"head {look.head + 1}"
     lead = f'<div class="et-caption et-lead"><span>{where}</span><span class="et-note">{who}</span></div>'
     grid = f'<div class="et-sites" style="--columns:{len(scales)}">{"".join(cells)}</div>'
-    hint = '<div class="et-note">click a map to see its heads</div>' if on_pick else ""
+    hint = '<div class="et-note">click a map to choose that site</div>' if on_pick else ""
     return lead + _legend(look) + grid + hint
 
 
@@ -152,7 +176,16 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     who = "mean of all heads" if look.head is None or look.head >= len(rows) else f"head {look.head + 1}"
     num_read = count(max(1, round(float(tokens_read(chosen)))))
     peak = float(times_uniform(chosen).max())
-    large = _map(attention, look, chosen, site_words(name, attention.sites), "head:mean", on_pick)
+    height, width = ready.frame.shape
+    large = picture(
+        data_url(_over_frame(ready, look, chosen, None), is_lossless=True),
+        site_words(name, attention.sites),
+        key="pixel",
+        on_pick=on_pick,
+        marks=[marker((look.query[0] + 0.5) / width, (look.query[1] + 0.5) / height)],
+        size=(width, height),
+        classes="et-sharp",
+    )
     facts = (
         f'<div class="et-caption"><span>{who}</span><span>reads ≈ <b>{num_read}</b> of {count(rows.shape[-1])} tokens'
         f" · at most <b>{peak:.3g}</b> × uniform</span></div>"
@@ -164,9 +197,14 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
         mark = " et-chosen" if head == look.head else ""
         cells.append(f'<div class="et-thumb{mark}">{map_}<span class="et-label">{label}</span></div>')
     lead = f'<div class="et-lead">{escape(site_words(name, attention.sites))}</div>'
-    back = f'<button class="et-back" data-k="sites" {on_pick}>All sites</button>' if on_pick else ""
+    back = (
+        f'<button class="et-back" data-k="heads:close" {on_pick}>All sites</button>'
+        f'<button class="et-back" data-k="head:mean" {on_pick}>Mean of all heads</button>'
+        if on_pick
+        else ""
+    )
     heads = f'<div class="et-heads">{"".join(cells)}</div>'
-    return f'{back}{lead}<div class="et-large">{large}</div>{facts}{_legend(look)}{heads}'
+    return f'<div class="et-chips">{back}</div>{lead}{large}{facts}{_legend(look)}{heads}'
 
 
 def _map(attention: Attention, look: AttentionLook, row: np.ndarray, alt: str, key: str, on_pick: str) -> str:
@@ -221,7 +259,7 @@ def _base_url(ready: Ready, attention: Attention, tones: Tones) -> str:
     grid = attention.grid
 
     def make() -> str:
-        grey = on_grid(frame_grey(ready, tones), grid.rows, grid.columns, grid.top, grid.left, _patch())
+        grey = on_grid(reconstruction_image(ready, tones), grid.rows, grid.columns, grid.top, grid.left, _patch())
         step = max(1, _patch() // _BASE_PIXELS)
         rows, columns = grey.shape[0] // step, grey.shape[1] // step
         small = grey.reshape(rows, step, columns, step).mean((1, 3)).astype(np.uint8)

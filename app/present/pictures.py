@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from app.present.html import chip, empty, escape, legend, marker, panel, picture, swatch
 from app.present.moment import ARRAYS, PICTURES, Moment
 from app.present.words import count, milliseconds, short
+from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.render.colours import OFF, ON, counting, css_gradient, diverging, hexadecimal
 from etnet.render.encode import data_url
@@ -30,14 +31,19 @@ class Tones:
     tone: Tone = "auto"
     is_linear_light: bool = True
 
+    @staticmethod
+    def of(state: ViewState, is_linear_light: bool) -> Tones:
+        """As a visitor chose."""
+        return Tones(state.tone, is_linear_light)
 
-def frame_grey(ready: Ready, tones: Tones) -> UInt8[np.ndarray, "h w"]:
+
+def reconstruction_image(ready: Ready, tones: Tones) -> UInt8[np.ndarray, "h w"]:
     """The reconstruction in grey levels."""
     key = ("grey", ready.key, tones)
     return ARRAYS.get(key, lambda: tone_map(ready.frame, tones.tone, tones.is_linear_light), lambda grey: grey.nbytes)
 
 
-def camera_grey(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"], int] | None:
+def camera_image(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"], int] | None:
     """The camera frame nearest to the window's end, in the reconstruction's tone, and its stamp (µs)."""
     truth = moment.recording.ground_truth
     if truth is None or len(truth) == 0:
@@ -52,41 +58,45 @@ def camera_grey(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"],
 
 def reconstruction_html(
     ready: Ready | None,
-    wanted: int,
     *,
     tones: Tones,
+    wanted: int | None = None,
     query: tuple[int, int] | None = None,
     working: Working | None = None,
     failed: Failed | None = None,
     on_pick: str = "",
 ) -> str:
-    """The newest frame that is there, what kind of frame it is, and how far the wanted one has come."""
+    """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come."""
     lag = lag_line(ready, wanted, working, failed)
     if ready is None:
         headline = "No image yet" if failed is None else "No image"
         body = empty(headline, "The network rebuilds brightness from events alone; its first image appears here.")
         return panel("reconstruction", body, lag)
     height, width = ready.frame.shape
-    url = PICTURES.text(("frame", ready.key, tones), lambda: data_url(frame_grey(ready, tones), is_lossless=False))
+    url = PICTURES.text(
+        ("frame", ready.key, tones), lambda: data_url(reconstruction_image(ready, tones), is_lossless=False)
+    )
     marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
     image = picture(
         url,
         f"Reconstruction of window {ready.wish.index}",
-        key="reconstruction",
+        key="pixel",
         on_pick=on_pick,
         marks=marks,
         size=(width, height),
     )
-    lags = " et-lags" if ready.wish.index != wanted else ""
+    lags = "et-lags" if wanted not in (None, ready.wish.index) else ""
     tone = resolve(tones.tone, tones.is_linear_light)
     words = f'<div class="et-note">{escape(_TONE_WORDS[tone])}</div>'
-    return panel("reconstruction", f'<div class="{lags.strip()}">{image}</div>', lag, badges(ready), words)
+    return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready), words)
 
 
-def lag_line(ready: Ready | None, wanted: int, working: Working | None, failed: Failed | None) -> str:
+def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, failed: Failed | None) -> str:
     """What is on show and what is being computed; nothing when the wanted frame is there."""
     if failed is not None:
         return f'<div class="et-failed" role="alert" data-testid="failed">{escape(failed.message)}</div>'
+    if wanted is None:
+        return ""
     is_there = ready is not None and ready.wish.index == wanted and not ready.is_approximate
     if is_there and working is None:
         return ""
@@ -127,7 +137,7 @@ def badges(ready: Ready) -> str:
 
 def camera_frame_html(moment: Moment, *, tones: Tones, on_pick: str = "") -> str:
     """The ordinary camera's frame at this moment, in the same tone, or why there is none."""
-    found = camera_grey(moment, tones)
+    found = camera_image(moment, tones)
     if found is None:
         body = empty(
             "No camera frame in this recording",
@@ -138,7 +148,7 @@ def camera_frame_html(moment: Moment, *, tones: Tones, on_pick: str = "") -> str
     height, width = grey.shape
     key = ("camera", moment.recording_id, stamp, tones)
     url = PICTURES.text(key, lambda: data_url(grey, is_lossless=False))
-    image = picture(url, "Camera frame", key="camera", on_pick=on_pick, size=(width, height))
+    image = picture(url, "Camera frame", key="pixel", on_pick=on_pick, size=(width, height))
     offset = (stamp - moment.window.t_stop) / 1000
     when = "taken as this window ends" if abs(offset) < 0.05 else _beside(offset)
     return panel("camera", image, f'<div class="et-caption"><span>{escape(when)}</span></div>')
@@ -173,7 +183,7 @@ def _event_image_html(moment: Moment, style: EventStyle, on_pick: str) -> str:
     shown = picture(
         data_url(image, is_lossless=True),
         f"{count(total)} events of window {moment.index}",
-        key="events",
+        key="pixel",
         on_pick=on_pick,
         size=(width, height),
         classes="et-sharp" if width < 200 else "",

@@ -78,7 +78,6 @@ _SHEET = """
  min-width:calc(var(--n)*1px)}
 .et-heads{display:grid;grid-template-columns:repeat(4,auto);justify-content:space-between;gap:8px 4px}
 .et-heads .et-map{width:round(down,calc((100cqw - 12px)/4),calc(var(--n)*1px));min-width:calc(var(--n)*1px)}
-.et-large .et-map{width:round(down,100cqw,calc(var(--n)*1px));margin:0 auto}
 .et-chosen>.et-picture{box-shadow:0 0 0 2px #fff}
 .et-back{align-self:flex-start;font:inherit;font-size:var(--small);color:var(--t);background:#ffffff14;cursor:pointer;
  border:1px solid var(--line);border-radius:6px;padding:6px 12px;min-height:32px}
@@ -86,13 +85,13 @@ _SHEET = """
 .et-now{display:flex;flex-wrap:wrap;align-items:baseline;gap:2px 16px}
 .et-now>b{font-size:var(--large);font-weight:600;line-height:1.2}
 .et-now>span{font-size:var(--small);color:var(--s)}
-.et-strip{position:relative;height:48px;margin:0 var(--inset,0);border-radius:4px;background:var(--g);
+.et-strip{position:relative;height:44px;margin:0 var(--inset,0);border-radius:4px;background:var(--g);
  box-shadow:0 0 0 1px var(--line)}
 .et-strip>svg{position:absolute;inset:0;width:100%%;height:100%%;overflow:hidden;border-radius:4px}
 .et-strip.et-pick{cursor:pointer}
 .et-head-line{position:absolute;top:-3px;bottom:-3px;width:2px;margin-left:-1px;background:#fff;pointer-events:none;
  box-shadow:0 0 3px #000}
-.et-seconds{position:relative;height:18px;margin:-4px var(--inset,0) 0;font-size:var(--small);color:var(--s)}
+.et-seconds{position:relative;height:16px;line-height:16px;margin:-4px var(--inset,0) 0;font-size:var(--small);color:var(--s)}
 .et-seconds>span{position:absolute;white-space:nowrap}
 .et-facts{display:flex;flex-wrap:wrap;gap:6px 22px;align-items:center;margin:0}
 .et-facts>div{display:flex;flex-direction:column;min-width:0}

@@ -11,8 +11,8 @@ from app.present.moment import ARRAYS, Moment
 from app.present.words import count, rate, seconds
 from etnet.render.timeline import RateCurve, area_path, frame_ticks, rate_curve, second_ticks
 
-_WIDTH, _HEIGHT = 1000, 48
-_FLOOR = 36
+_WIDTH, _HEIGHT = 1000, 44
+_FLOOR = 34
 """Below it lie the bars of what is cached."""
 _MAX_TICKS = 300
 
@@ -47,10 +47,13 @@ def curve_of(moment: Moment) -> RateCurve:
 
 
 def timeline_html(moment: Moment, cached: Cached | None = None, *, inset: str = "0px", on_pick: str = "") -> str:
-    """The strip over the slider. `inset` is the slider's own padding on either side; a click sends `timeline`."""
+    """A strip of 44 px over its seconds; its width is windows 0 … n − 1. A click sends `time`.
+
+    `inset` is left free on either side (a slider's own padding).
+    """
     curve, num = curve_of(moment), len(moment.windows)
     held = cached or NothingCached()
-    picking = f' data-k="timeline" {on_pick}' if on_pick else ""
+    picking = f' data-k="time" {on_pick}' if on_pick else ""
     at = moment.index / max(num - 1, 1)
     strip = (
         f'<div class="et-strip{" et-pick" if on_pick else ""}"{picking} data-testid="strip">'
@@ -58,22 +61,23 @@ def timeline_html(moment: Moment, cached: Cached | None = None, *, inset: str = 
         f"{_background(moment, curve, num)}{_bars(held, num)}</svg>"
         f'<i class="et-head-line" style="left:{at:.3%}"></i></div>'
     )
-    return panel(
-        "timeline", _now(moment, num), strip, _seconds(moment, curve, num), _key(moment), style=f"--inset:{inset}"
-    )
+    return panel("timeline", strip, _seconds(moment, curve, num), style=f"--inset:{inset}")
 
 
-def _now(moment: Moment, num: int) -> str:
+def now_html(moment: Moment) -> str:
+    """The moment in numbers: its time large, then window, span, events and their rate."""
+    num = len(moment.windows)
     start, stop = moment.seconds
     window = moment.window
     partial = " · last, not full" if window.is_partial else ""
     speed = rate(window.num_events / max(window.t_stop - window.t_start, 1) * 1e6)
-    return (
+    line = (
         f'<div class="et-now"><b data-testid="time">{seconds(stop)}</b>'
         f'<span data-testid="window">window {count(moment.index)} of {count(num)}{partial}</span>'
         f"<span>{seconds(start)} – {seconds(stop)}</span>"
         f"<span>{count(window.num_events)} events</span><span>{speed}</span></div>"
     )
+    return panel("now", line)
 
 
 def _background(moment: Moment, curve: RateCurve, num: int) -> str:
@@ -123,13 +127,15 @@ def _tick(at: float, text: str) -> str:
     return f'<span class="{side}" style="left:{at:.2%}">{escape(text)}</span>'
 
 
-def _key(moment: Moment) -> str:
+def timeline_key_html(moment: Moment) -> str:
+    """What the colours of the strip mean."""
     truth = moment.recording.ground_truth
     frames = '<span class="et-swatch"><i style="background:#fff;width:2px;border-radius:0"></i>camera frames</span>'
-    return (
+    key = (
         '<div class="et-swatches">'
         '<span class="et-swatch"><i style="background:#8f98a3;border-radius:2px"></i>events per second</span>'
         '<span class="et-swatch"><i style="background:#86e3b0;border-radius:2px"></i>images ready</span>'
         '<span class="et-swatch"><i style="background:#5f8f78;border-radius:2px"></i>memory ready</span>'
         f"{frames if truth is not None and 0 < len(truth) <= _MAX_TICKS else ''}</div>"
     )
+    return panel("timeline-key", key)

@@ -15,7 +15,7 @@ TILE_WIDTH = 120
 
 
 def voxel_html(moment: Moment, opened: int | None = None, *, on_pick: str = "") -> str:
-    """Five bins in a row, or one of them large. Clicks send `bin:0` … `bin:4`, or `bins` to go back."""
+    """Five bins in a row, or one of them large. Clicks send `bin:0` … `bin:4`, or `bin:` to go back."""
     opened = None if opened is None else min(max(opened, 0), NUM_BINS - 1)
     return PICTURES.text(("voxel", moment.key, opened, on_pick), lambda: _voxel_html(moment, opened, on_pick))
 
@@ -65,7 +65,7 @@ def _large(moment: Moment, opened: int, limit: float, on_pick: str) -> str:
     image = picture(
         data_url(tile[0], is_lossless=True),
         f"time bin {opened}, large",
-        key="bins",
+        key="bin:",
         on_pick=on_pick,
         size=(tile.shape[2], tile.shape[1]),
     )

@@ -14,6 +14,7 @@ from etnet.errors import EtnetError
 _COMMANDS: dict[str, tuple[str, str]] = {
     "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
     "convert": ("etnet.cli.convert", "Convert"),
+    "simulate": ("etnet.cli.simulate", "Simulate"),
 }
 """Command → the module that holds it, and its configuration's class."""
 

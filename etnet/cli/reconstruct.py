@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.cli.policy import default_policy, parse_policy
-from etnet.cli.progress import console, progress_callback, track
+from etnet.cli.progress import console, fraction_callback, track
 from etnet.events.recording import Recording
 from etnet.windows import Window, plan_windows
 
@@ -26,7 +26,7 @@ class Reconstruct:
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
-    """between-frames, count=10000, density=0.35, duration=20ms[/5ms]. Default: between frames where there are some, else density=0.35."""
+    """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
     gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
@@ -40,7 +40,7 @@ def run(config: Reconstruct) -> int:
     from etnet.events.open import open_recording
     from etnet.nets.weights import load_model
 
-    with progress_callback("opening") as progress:
+    with fraction_callback("opening") as progress:
         recording = open_recording(config.file, progress=progress)
     with recording:
         for remark in recording.remarks:

@@ -11,9 +11,9 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Events
-from etnet.events.formats.base import HEAD_BYTES, Format, Request, contained
+from etnet.events.formats.base import HEAD_BYTES, Request, contained
 from etnet.events.formats.store import FolderStore, ZipStore
-from etnet.events.formats.table import FORMATS
+from etnet.events.formats.table import FORMATS, choose
 from etnet.events.recording import EventSource, Recording
 from etnet.events.view import WHOLE_VIEW, View, seen_through
 
@@ -59,7 +59,7 @@ def open_recording(
         scratch = Scratch(path.name)
         resources.callback(scratch.close)
         request = _request(path, assume, told, resources, scratch)
-        chosen = _format_of(request)
+        chosen = choose(request, FORMATS)
         with contained(request.name, chosen.name):
             opened = seen_through(view, chosen.open(request), request)
         kept = resources.pop_all()
@@ -97,14 +97,3 @@ def _request(path: Path, assume: Assumptions, progress: Progress, resources: Exi
         with ExitStack() as briefly:
             members = ZipStore(path, briefly).names()
     return Request(path, name, head, members, assume, progress, resources, scratch)
-
-
-def _format_of(request: Request) -> Format:
-    """The first format that recognises the content; among several, one with the file's suffix."""
-    with contained(request.name, "its beginning"):
-        fitting = [entry for entry in FORMATS if entry.recognises(request)]
-    if not fitting:
-        known = ", ".join(entry.name for entry in FORMATS)
-        what = "folder" if request.path.is_dir() else f"file that begins with {request.head[:8]!r}"
-        raise RecordingError(f"{request.name}: a {what} of no known format; read are {known}")
-    return next((entry for entry in fitting if request.suffix in entry.suffixes), fitting[0])

@@ -36,7 +36,7 @@ def video_writer(path: Path, width: int, height: int, frames_per_second: float) 
         str(temporary),
         size,
         pix_fmt_in="gray",
-        fps=frames_per_second,
+        fps=frames_per_second,  # pyright: ignore[reportArgumentType]  any number works
         codec="libx264",
         macro_block_size=1,
         output_params=["-crf", "17", "-movflags", "+faststart"],

@@ -56,7 +56,7 @@ class Pyramid:
     For ET-Net `levels[0]` is the head and `levels[l]` the hidden state of level l at 1/2ˡ.
     """
 
-    levels: tuple[Float[Tensor, "b c h w"], ...]
+    levels: tuple[Float[Tensor, "b _ _ _"], ...]
     height: int
     width: int
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 
@@ -26,7 +26,7 @@ class Placement:
 ORIGIN = Placement()
 
 
-def sinusoid(index: Float[Tensor, " n"], dim: int) -> Float[Tensor, "n dim"]:
+def sinusoid(index: Int64[Tensor, " n"], dim: int) -> Float[Tensor, "n dim"]:
     """Even columns sin, odd columns cos, of index / 10000^(2⌊j/2⌋/dim) (Vaswani et al. 2017, §3.5)."""
     exponent = 2 * (torch.arange(dim, dtype=torch.float64) // 2) / dim
     angle = index.double()[:, None] / 10_000**exponent

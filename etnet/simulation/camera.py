@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from etnet.simulation.config import SceneConfig
+from etnet.simulation.draw import log_uniform
 
 Affine = Float64[np.ndarray, "n 2 3"]
 
@@ -25,8 +26,8 @@ class Trajectory:
     (s, own s) knots of one that halts now and then. A plane with a `carrier` shares the carrier's shift × `parallax`.
     """
 
-    rest: Float64[np.ndarray, "4"]
-    drift: Float64[np.ndarray, "4"]
+    rest: Float64[np.ndarray, " 4"]
+    drift: Float64[np.ndarray, " 4"]
     amplitude: Float64[np.ndarray, "4 k"]
     frequency: Float64[np.ndarray, "4 k"]
     phase: Float64[np.ndarray, "4 k"]
@@ -87,10 +88,6 @@ class Clock:
         return replace(self, s=self.s * factor)
 
 
-def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
 def draw_background(rng: np.random.Generator, size: tuple[int, int], is_static: bool) -> Trajectory:
     """A background's path: drift, sway, turning and zooming; about one pixel a unit of distance."""
     height, width = size
@@ -102,10 +99,10 @@ def draw_background(rng: np.random.Generator, size: tuple[int, int], is_static: 
         heading, sway = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 1.2)
         drift[:2] = rng.uniform(0.3, 1.0) * np.array([np.cos(heading), np.sin(heading)])
         for channel in range(2):
-            wavelength = np.exp(rng.uniform(np.log(0.4 * side), np.log(4 * side), 2))
+            wavelength = log_uniform(rng, (0.4 * side, 4 * side), 2)
             frequency[channel] = 2 * np.pi / wavelength
             amplitude[channel] = sway * rng.uniform(0, 1, 2) / frequency[channel]
-        frequency[2:] = 2 * np.pi / np.exp(rng.uniform(np.log(0.6 * side), np.log(6 * side), (2, 2)))
+        frequency[2:] = 2 * np.pi / log_uniform(rng, (0.6 * side, 6 * side), (2, 2))
         # A turn or a zoom of 2/side per pixel of distance moves the middle of an edge by one pixel.
         amplitude[2] = rng.uniform(0, 1) ** 2 * rng.uniform(0, 2, 2) / side / frequency[2]
         amplitude[3] = np.minimum(rng.uniform(0, 1) ** 2 * rng.uniform(0, 2, 2) / side / frequency[3], 0.15)
@@ -134,7 +131,7 @@ def draw_object(
         reach = wobble * side * np.array([rng.uniform(0.15, 0.6), rng.uniform(0.02, 0.15)])
         amplitude[channel] = reach
         frequency[channel] = wobble * rng.uniform(0.3, 1.0, 2) / reach
-    frequency[2:] = 2 * np.pi / np.exp(rng.uniform(np.log(0.5 * side), np.log(5 * side), (2, 2)))
+    frequency[2:] = 2 * np.pi / log_uniform(rng, (0.5 * side, 5 * side), (2, 2))
     amplitude[2] = wobble * rng.uniform(0, 1) ** 2 * rng.uniform(0, 3, 2) / side / frequency[2]
     amplitude[3] = np.minimum(wobble * rng.uniform(0, 2, 2) / side / frequency[3], 0.15)
     drift = np.array([0.0, 0.0, wobble * rng.normal(0, 0.8) / side, 0.0])
@@ -152,41 +149,39 @@ def draw_object(
         speed,
         halts,
         carrier,
-        _log_uniform(rng, 1.0, 2.0) if is_riding else 1.0,
+        log_uniform(rng, (1.0, 2.0)) if is_riding else 1.0,
     )
 
 
 def _draw_halts(rng: np.random.Generator, side: int) -> Float64[np.ndarray, "2 m"]:
     """Stretches of going and halting by turns, in distance, over more of it than any clip runs."""
-    stretches = np.exp(rng.uniform(np.log(0.05 * side), np.log(0.8 * side), 200))
+    stretches = log_uniform(rng, (0.05 * side, 0.8 * side), 200)
     going = np.arange(200) % 2 == int(rng.integers(2))
-    return np.stack(
-        [np.concatenate([[0.0], np.cumsum(stretches)]), np.concatenate([[0.0], np.cumsum(stretches * going)])]
-    )
+    # Before distance 0, where a clip's lead lies, it goes.
+    s, own = np.cumsum(stretches), np.cumsum(stretches * going)
+    return np.stack([np.concatenate([[-1e4, 0.0], s]), np.concatenate([[-1e4, 0.0], own])])
 
 
 def draw_clock(
     rng: np.random.Generator, edges: Float64[np.ndarray, " k"], lead_us: float, config: SceneConfig, pause_stay: float
-) -> tuple[Clock, np.ndarray]:
+) -> tuple[Clock, Bool[np.ndarray, " k_minus_1"]]:
     """A clock of mean speed 1 a mean window while it runs, and which windows are paused: in those it stands still.
 
-    It begins `lead_us` before the first edge. The first window is never paused.
+    It stands at 0 at the first edge and begins `lead_us` before it. The first window is never paused.
     """
     num_windows, knots = len(edges) - 1, 8
     is_paused = np.zeros(num_windows, bool)
     for i in range(1, num_windows):
         is_paused[i] = rng.random() < (pause_stay if is_paused[i - 1] else config.pause_start)
-    t = np.concatenate([edges[:-1, None] + np.diff(edges)[:, None] * np.arange(knots) / knots, [[edges[-1]] * knots]])
-    t = t.ravel()[: num_windows * knots + 1]
+    shares = np.arange(knots) / knots
+    t = np.append((edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel(), edges[-1])
     phase = (t[:-1] - edges[0]) / (edges[-1] - edges[0])
-    swing, turns, start = rng.uniform(0, 1), _log_uniform(rng, 0.5, 6.0), rng.uniform(0, 2 * np.pi)
+    swing, turns, start = rng.uniform(0, 1), log_uniform(rng, (0.5, 6.0)), rng.uniform(0, 2 * np.pi)
     speed = np.exp(swing * np.sin(2 * np.pi * turns * phase + start))
-    speed /= speed.mean() * (edges[-1] - edges[0]) / num_windows
+    speed *= num_windows / (speed * np.diff(t)).sum()
     steps = np.diff(t) * speed * ~np.repeat(is_paused, knots)
-    lead = lead_us * speed[0]
-    return Clock(
-        np.concatenate([[edges[0] - lead_us], t]), np.concatenate([[0.0, lead], lead + np.cumsum(steps)])
-    ), is_paused
+    s = np.concatenate([[-lead_us * speed[0], 0.0], np.cumsum(steps)])
+    return Clock(np.concatenate([[edges[0] - lead_us], t]), s), is_paused
 
 
 def largest_steps(

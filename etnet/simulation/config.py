@@ -83,7 +83,7 @@ class SceneConfig:
     static_camera_share: float = 0.12
     """How many clips have a resting background; it needs an object that moves."""
     ride_share: float = 0.5
-    """How many clips have objects that keep to the background but for parallax and a wobble, as with a moving camera."""
+    """How many clips have objects that keep to the background but for parallax and a wobble: a moving camera."""
     resting_share: float = 0.15
     """How many objects rest on the sensor."""
     halting_share: float = 0.25

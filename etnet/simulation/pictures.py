@@ -136,7 +136,7 @@ def _pictures(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in {".jpg", ".jpeg", ".png", ".webp"})
 
 
-def _read(path: Path, flags: int) -> UInt8[np.ndarray, "..."]:
+def _read(path: Path, flags: int) -> UInt8[np.ndarray, "*shape"]:
     picture = cv2.imread(str(path), flags)
     if picture is None or picture.dtype != np.uint8:
         raise PictureError(f"{path}: not an 8-bit picture that can be decoded; remove it or convert it")

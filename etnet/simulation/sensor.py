@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int8, Int64
 
 from etnet.events.events import Events, Sensor
-from etnet.simulation.config import Range, SensorConfig
+from etnet.simulation.config import SensorConfig
+from etnet.simulation.draw import log_uniform
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +34,8 @@ class SensorTraits:
 def draw_traits(config: SensorConfig, rng: np.random.Generator) -> SensorTraits:
     """A sensor from the configured ranges."""
 
-    def log_uniform(of: Range) -> float:
-        return float(np.exp(rng.uniform(np.log(max(of[0], 1e-9)), np.log(of[1])))) if of[1] > 0 else 0.0
-
-    def uniform(of: Range) -> float:
-        return float(rng.uniform(*of))
-
     is_core = rng.random() < config.threshold_core_share
-    threshold = log_uniform(config.threshold_core if is_core else config.threshold)
+    threshold = log_uniform(rng, config.threshold_core if is_core else config.threshold)
     if config.balance == "normal":
         balance = max(0.1, 1 + config.balance_sigma * rng.standard_normal())
     else:
@@ -49,15 +44,15 @@ def draw_traits(config: SensorConfig, rng: np.random.Generator) -> SensorTraits:
     return SensorTraits(
         threshold_on=threshold * balance**0.5,
         threshold_off=threshold / balance**0.5,
-        mismatch=uniform(config.mismatch),
-        refractory_us=log_uniform(config.refractory_us),
-        leak_hz=uniform(config.leak_hz),
-        shot_hz=uniform(config.shot_hz),
-        hot_share=uniform(config.hot_share),
-        hot_hz=log_uniform(config.hot_hz),
-        low_pass_us=log_uniform(config.low_pass_us),
-        lag_us=uniform(config.lag_us),
-        dark=log_uniform(config.dark),
+        mismatch=float(rng.uniform(*config.mismatch)),
+        refractory_us=log_uniform(rng, config.refractory_us),
+        leak_hz=float(rng.uniform(*config.leak_hz)),
+        shot_hz=float(rng.uniform(*config.shot_hz)),
+        hot_share=float(rng.uniform(*config.hot_share)),
+        hot_hz=log_uniform(rng, config.hot_hz),
+        low_pass_us=log_uniform(rng, config.low_pass_us),
+        lag_us=float(rng.uniform(*config.lag_us)),
+        dark=log_uniform(rng, config.dark),
     )
 
 
@@ -163,11 +158,11 @@ def draw_noise(
 
 
 def events_of(crossings: list[Crossings], sensor: Sensor) -> Events:
-    """One ordered list of events; stamps are rounded to whole µs."""
+    """One ordered list of events, stamped with the whole microsecond in which they fell."""
     if not crossings:
         return Events.empty(sensor)
     pixel, t, p = (np.concatenate(column) for column in zip(*crossings, strict=True))
     order = np.argsort(t, kind="stable")
     pixel = pixel[order]
     y, x = np.divmod(pixel, sensor.width)
-    return Events(x.astype(np.uint16), y.astype(np.uint16), np.rint(t[order]).astype(np.int64), p[order], sensor)
+    return Events(x.astype(np.uint16), y.astype(np.uint16), np.floor(t[order]).astype(np.int64), p[order], sensor)

@@ -6,6 +6,7 @@ Pure in (pictures, config, rng): the same seed gives the same events.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
@@ -14,6 +15,7 @@ from etnet.events.events import Events, Sensor
 from etnet.simulation import camera, textures
 from etnet.simulation.camera import Clock
 from etnet.simulation.config import SequenceConfig
+from etnet.simulation.draw import log_uniform
 from etnet.simulation.pictures import PicturePool, srgb_of
 from etnet.simulation.scene import Plane, Renderer, Scene
 from etnet.simulation.sensor import PixelArray, SensorTraits, draw_noise, draw_traits, events_of
@@ -115,7 +117,7 @@ def simulate_sequence(pictures: PicturePool, config: SequenceConfig, rng: np.ran
         is_paused=tuple(bool(paused) for paused in is_paused),
         num_renders=recorded.num_renders,
     )
-    voxels = np.stack([voxel_array(recorded.events[a:b], config.bins) for a, b in zip(index, index[1:], strict=False)])
+    voxels = np.stack([voxel_array(recorded.events[a:b], config.bins) for a, b in pairwise(index)])
     return Sequence(voxels, frames[1:], frames[0], recorded.flow, recorded.events, edges, index, drawn)
 
 
@@ -134,9 +136,8 @@ def draw_scene(
     num_objects = int(rng.integers(config.scene.num_objects[0], config.scene.num_objects[1] + 1))
     # Without texture or a moving background only outlines give events, so there must be some.
     num_objects = max(num_objects, min(config.scene.num_objects[1], 3 if is_smooth else int(is_static)))
-    low, high = np.log(config.scene.object_size)
     for i in range(num_objects):
-        diameter = min(config.size) * float(np.exp(rng.uniform(low, high))) * (2.0 if is_smooth else 1.0)
+        diameter = min(config.size) * log_uniform(rng, config.scene.object_size) * (2.0 if is_smooth else 1.0)
         texture, alpha = textures.draw_object(pictures, config.scene, diameter, blur, is_smooth, rng)
         path = camera.draw_object(rng, config.size, config.scene, planes[0].path, is_riding)
         if is_static and i == 0 and path.speed == 0.0:
@@ -202,9 +203,9 @@ def _lead_us(traits: SensorTraits) -> float:
 
 
 def _draw_edges(config: SequenceConfig, rng: np.random.Generator) -> Int64[np.ndarray, " t_plus_1"]:
-    lengths = np.full(config.num_windows, config.window_us * np.exp(rng.uniform(*np.log(config.clip_jitter))))
+    lengths = np.full(config.num_windows, config.window_us * log_uniform(rng, config.clip_jitter))
     if rng.random() < config.jittered_share:
-        jitter = np.exp(rng.uniform(*np.log(config.window_jitter), config.num_windows))
+        jitter = log_uniform(rng, config.window_jitter, config.num_windows)
         lengths *= jitter / jitter.mean()
     return np.concatenate([[0], np.cumsum(np.maximum(np.rint(lengths), 10).astype(np.int64))])
 
@@ -212,7 +213,7 @@ def _draw_edges(config: SequenceConfig, rng: np.random.Generator) -> Int64[np.nd
 def _expose(scene: Scene, config: SequenceConfig, rng: np.random.Generator) -> tuple[Scene, float, float]:
     """The scene under a random exposure, the gain, and the black level of the ordinary camera."""
     first = Renderer(scene, np.zeros(1)).image(0)
-    aim = float(np.exp(rng.uniform(*np.log(config.scene.exposure))))
+    aim = log_uniform(rng, config.scene.exposure)
     gain = aim / max(float(first.mean()), 1e-3)
     black = float(np.quantile(first * gain, rng.uniform(*config.scene.black_share)))
     planes = tuple(replace(plane, light=plane.light * np.float32(gain)) for plane in scene.planes)

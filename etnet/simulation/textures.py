@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from etnet.simulation.config import SceneConfig
+from etnet.simulation.draw import log_uniform
 from etnet.simulation.pictures import PicturePool, linear_of
 
 Image = Float32[np.ndarray, "h w"]
@@ -19,7 +20,7 @@ def draw_photo(pool: PicturePool, size: tuple[int, int], blur: float, rng: np.ra
     """A photo at a random scale at which a view of `size` (h, w) shows all or some of it, a texel a pixel."""
     photo = linear_of(pool.draw_photo(rng))
     whole = max(size[0] / photo.shape[0], size[1] / photo.shape[1])
-    scale = float(np.exp(rng.uniform(np.log(min(1.05 * whole, 1.3)), np.log(max(1.05 * whole, 1.1)))))
+    scale = log_uniform(rng, (min(1.05 * whole, 1.3), max(1.05 * whole, 1.1)))
     return blurred(resized(photo, scale), blur)
 
 
@@ -86,6 +87,6 @@ def blurred(image: Image, sigma: float) -> Image:
 def _patch_of_photo(pool: PicturePool, side: int, rng: np.random.Generator) -> Image:
     photo = linear_of(pool.draw_photo(rng))
     smallest = 1.02 * side / min(photo.shape)
-    photo = resized(photo, max(smallest, float(np.exp(rng.uniform(np.log(0.25), np.log(1.1))))))
+    photo = resized(photo, max(smallest, log_uniform(rng, (0.25, 1.1))))
     y, x = (int(rng.integers(0, max(1, length - side + 1))) for length in photo.shape)
     return np.ascontiguousarray(photo[y : y + side, x : x + side])

@@ -6,6 +6,7 @@ import torch
 from etnet.errors import ModelError
 from etnet.nets.attention import Attention, AttentionProbe, MultiHeadAttention, Observer
 from etnet.nets.intervention import ORIGINAL
+from etnet.nets.padding import TokenGrid
 from etnet.nets.presets import build_model
 
 SITES = {"tiny": 9, "etnet-half": 21}
@@ -48,7 +49,7 @@ def test_the_map_that_is_shown_is_the_map_that_made_the_output():
     observer = Observer(AttentionProbe(), ORIGINAL)
     with torch.inference_mode():
         out = layer(tokens, tokens, observer)
-        attention = observer.attention(None)  # type: ignore[arg-type]
+        attention = observer.attention(TokenGrid(16, 40))
         assert attention is not None
         v = (tokens @ layer.in_proj_weight[32:].T + layer.in_proj_bias[32:]).reshape(10, 4, 4).transpose(0, 1)
         mixed = attention.rows("site", range(10)) @ v

@@ -15,6 +15,7 @@ from etnet.events.formats.collect import Decoded
 from etnet.events.formats.columns import guessed_unit, stamps_in_microseconds
 from etnet.events.formats.hdf5 import columns, dataset, find, open_file
 from etnet.events.formats.hdf5_frames import numbered_frames, stacked_frames
+from etnet.events.formats.hdf5_metavision import open_metavision
 from etnet.events.formats.paged import paged
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -117,6 +118,8 @@ def _open(request: Request) -> Opened:
         has = lambda path: find(file, path, request.name) is not None  # noqa: E731
         if has("davis/left/events") or has("davis/right/events"):
             return _open_mvsec(request, file)
+        if has("CD/events"):
+            return open_metavision(request, file)
         if has("events/xs"):
             return _open_event_utils(request, file, ("events/xs", "events/ys", "events/ts", "events/ps"))
         if has("events/x") and has("events/ts"):

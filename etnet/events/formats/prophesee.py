@@ -98,9 +98,14 @@ def read_header(request: Request) -> Header:
 def _open(request: Request) -> Opened:
     header = read_header(request)
     version = header.version
+    if version == "2.1":
+        # Imported here, for evt21 needs this module's header.
+        from etnet.events.formats.evt21 import open_evt21
+
+        return open_evt21(request, header)
     if version not in ("2.0", "3.0"):
         raise RecordingError(
-            f"{request.name}: a RAW file of EVT version {version or 'not named'}; EVT 2.0 and 3.0 are read"
+            f"{request.name}: a RAW file of EVT version {version or 'not named'}; 2.0, 2.1 and 3.0 are read"
         )
     remarks = Remarks()
     declared = header.sensor(request.name, remarks, request.assume.sensor is not None)

@@ -2,12 +2,60 @@
 
 from __future__ import annotations
 
+from etnet.errors import RecordingError
+from etnet.events.formats.aedat2 import AEDAT2
+from etnet.events.formats.aedat3 import AEDAT3
 from etnet.events.formats.aedat4 import AEDAT4
 from etnet.events.formats.arrays import EVREAL, NPY, NPZ
-from etnet.events.formats.base import Format
+from etnet.events.formats.base import Format, Opened, Request, contained
 from etnet.events.formats.dat import DAT
+from etnet.events.formats.event_stream import EVENT_STREAM
+from etnet.events.formats.forty_bits import FORTY_BITS
 from etnet.events.formats.hdf5_layouts import HDF5
+from etnet.events.formats.matlab import MATLAB_V5, MATLAB_V73
+from etnet.events.formats.named_text import NAMED_TEXT
+from etnet.events.formats.packed import packed_formats
 from etnet.events.formats.prophesee import RAW
+from etnet.events.formats.ros_bags import MCAP, ROS1_BAG, ROS2_DATABASE, ROS2_FOLDER
 from etnet.events.formats.text import TEXT, TEXT_STORE
 
-FORMATS: tuple[Format, ...] = (HDF5, AEDAT4, RAW, DAT, NPY, EVREAL, NPZ, TEXT_STORE, TEXT)
+_PLAIN: tuple[Format, ...] = (
+    MATLAB_V73,
+    MATLAB_V5,
+    HDF5,
+    AEDAT4,
+    AEDAT3,
+    AEDAT2,
+    RAW,
+    DAT,
+    EVENT_STREAM,
+    ROS1_BAG,
+    MCAP,
+    ROS2_DATABASE,
+    NPY,
+    EVREAL,
+    NPZ,
+    ROS2_FOLDER,
+    TEXT_STORE,
+    NAMED_TEXT,
+    TEXT,
+    FORTY_BITS,
+)
+
+
+def choose(request: Request, formats: tuple[Format, ...]) -> Format:
+    """The first format that recognises the content; among several, one with the file's suffix."""
+    with contained(request.name, "its beginning"):
+        fitting = [entry for entry in formats if entry.recognises(request)]
+    if not fitting:
+        known = ", ".join(entry.name for entry in formats)
+        what = "folder" if request.path.is_dir() else f"file that begins with {request.head[:8]!r}"
+        raise RecordingError(f"{request.name}: a {what} of no known format; read are {known}")
+    return next((entry for entry in fitting if request.suffix in entry.suffixes), fitting[0])
+
+
+def _open_inner(request: Request) -> Opened:
+    return choose(request, _PLAIN).open(request)
+
+
+FORMATS: tuple[Format, ...] = _PLAIN + packed_formats(_open_inner)

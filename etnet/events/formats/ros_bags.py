@@ -1,0 +1,250 @@
+"""ROS recordings: ROS 1 bags (through `rosbags`), ROS 2 MCAP and SQLite files, alone or in their folder."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+from rosbags.rosbag1 import Reader as Ros1Reader
+
+from etnet.errors import RecordingError
+from etnet.events.cache import FrameCache, grey
+from etnet.events.events import Sensor
+from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
+from etnet.events.formats.collect import Collected, Decoded, collect
+from etnet.events.formats.columns import from_nanoseconds
+from etnet.events.formats.event_packets import decode_libcaer, decode_libcaer_cmp
+from etnet.events.formats.mcap import MAGIC, Message, read_mcap
+from etnet.events.formats.pictures import in_order
+from etnet.events.formats.prophesee import through_faery
+from etnet.events.formats.ros_messages import (
+    EVENT_ARRAYS,
+    EVENT_PACKETS,
+    IMAGES,
+    Packet,
+    parse_array,
+    parse_packet,
+    parse_picture,
+    plain_type,
+)
+from etnet.events.recording import GroundTruth
+
+_SQLITE = b"SQLite format 3\0"
+_CLOCK_GAP = 60 * 10**6
+"""µs between frames and events beyond which their clocks cannot be one."""
+
+
+@dataclass
+class _Bag:
+    """The messages that matter, as they pass: events of one topic go on, pictures of one topic are kept."""
+
+    request: Request
+    is_cdr: bool
+    frames: FrameCache
+    event_topic: str = ""
+    sensor: Sensor | None = None
+    encoding: str = ""
+    frame_topic: str = ""
+    stamps: list[int] = field(default_factory=list)
+    is_bgr: bool = False
+    shape: tuple[int, ...] = ()
+    num_left: int = 0
+    others: set[str] = field(default_factory=set)
+    cut: str | None = None
+
+    def take(self, message: Message) -> Decoded | Packet | None:
+        """Events of a message, decoded or still in their packet; None if it holds none of the topic that is read."""
+        kind = plain_type(message.type)
+        if kind in IMAGES:
+            self._keep(message)
+            return None
+        if kind not in EVENT_ARRAYS and kind not in EVENT_PACKETS:
+            return None
+        self.event_topic = self.event_topic or message.topic
+        if message.topic != self.event_topic:
+            self.others.add(message.topic)
+            return None
+        if kind in EVENT_ARRAYS:
+            array = parse_array(message.content, self.is_cdr)
+            self._size(array.width, array.height)
+            return array.events._replace(fraction=message.fraction)
+        packet = parse_packet(message.content, self.is_cdr)
+        self._size(packet.width, packet.height)
+        self.encoding = self.encoding or packet.encoding
+        if packet.encoding == "libcaer":
+            return decode_libcaer(packet)._replace(fraction=message.fraction)
+        if packet.encoding == "libcaer_cmp":
+            return decode_libcaer_cmp(packet)._replace(fraction=message.fraction)
+        if packet.encoding != "evt3":
+            raise RecordingError(
+                f'{self.request.name}: event packets in "{packet.encoding}"; evt3, libcaer and libcaer_cmp are read'
+            )
+        return packet
+
+    def _size(self, width: int, height: int) -> None:
+        if self.sensor is None and width and height:
+            self.sensor = Sensor(width, height)
+
+    def _keep(self, message: Message) -> None:
+        self.frame_topic = self.frame_topic or message.topic
+        if message.topic != self.frame_topic:
+            return
+        try:
+            picture = parse_picture(message.content, self.is_cdr)
+        except (ValueError, IndexError):
+            self.num_left += 1
+            return
+        if self.shape and picture.pixels.shape != self.shape:
+            self.num_left += 1
+            return
+        self.shape, self.is_bgr = picture.pixels.shape, picture.is_bgr
+        self.frames.append(picture.pixels)
+        self.stamps.append(picture.stamp)
+
+
+def _messages_of_bag(path: Path) -> Iterator[Message]:
+    with Ros1Reader(path) as reader:
+        wanted = [c for c in reader.connections if plain_type(c.msgtype) in EVENT_ARRAYS + EVENT_PACKETS + IMAGES]
+        total = max(1, sum(connection.msgcount for connection in wanted))
+        if not wanted:
+            return
+        for done, (connection, _, content) in enumerate(reader.messages(wanted), 1):
+            yield Message(connection.topic, connection.msgtype, bytes(content), done / total)
+
+
+def _messages_of_database(path: Path) -> Iterator[Message]:
+    # A URI with mode=ro and immutable=1 writes no journal beside the file.
+    database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    try:
+        total = max(1, database.execute("SELECT count(*) FROM messages").fetchone()[0])
+        rows = database.execute(
+            "SELECT topics.name, topics.type, messages.data FROM messages JOIN topics ON messages.topic_id = topics.id "
+            "ORDER BY messages.timestamp, messages.id"
+        )
+        for done, (topic, kind, content) in enumerate(rows, 1):
+            yield Message(str(topic), str(kind), bytes(content), done / total)
+    finally:
+        database.close()
+
+
+def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Decoded | Packet]:
+    """Events out of messages; a file that breaks off keeps what came before."""
+    num_parts = 0
+    while True:
+        try:
+            with contained(bag.request.name, what):
+                message = next(messages, None)
+                part = None if message is None else bag.take(message)
+        except RecordingError as slip:
+            if num_parts == 0 or slip.__cause__ is None:
+                raise
+            bag.cut = str(slip.__cause__)
+            return
+        if message is None:
+            return
+        if part is not None:
+            num_parts += 1
+            yield part
+
+
+def _open_messages(request: Request, what: str, messages: Iterator[Message], is_cdr: bool) -> Opened:
+    remarks = Remarks()
+    bag = _Bag(request, is_cdr, FrameCache(request.scratch))
+    parts = _guarded(bag, messages, what)
+    first = next(parts, None)
+    if first is None:
+        raise RecordingError(
+            f"{request.name}: no events; wanted messages of {', '.join(EVENT_ARRAYS[:1] + EVENT_PACKETS[:1])}"
+        )
+    if isinstance(first, Packet):
+        collected = _through_evt3(bag, first, parts, remarks)
+    else:
+        collected = collect(request, _decoded(first, parts), bag.sensor, remarks)
+    label = f"{what}, {bag.encoding or 'dvs_msgs'}"
+    remarks.detected(f"events of topic {bag.event_topic}")
+    for topic in sorted(bag.others):
+        remarks.detected(f"another event topic, {topic}, is not shown")
+    if bag.num_left:
+        remarks.repaired(f"{bag.num_left} pictures of another size or an unknown encoding were left out")
+    if bag.cut is not None:
+        remarks.repaired(f"the file breaks off ({bag.cut}); what comes before is kept")
+    truth = _truth(bag, collected, remarks)
+    return Opened(label, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+
+
+def _decoded(first: Decoded, parts: Iterator[Decoded | Packet]) -> Iterator[Decoded]:
+    yield first
+    for part in parts:
+        if isinstance(part, Decoded):
+            yield part
+
+
+def _through_evt3(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], remarks: Remarks) -> Collected:
+    """Put the packets together as a RAW file, which faery decodes."""
+    raw = bag.request.scratch.path("packets.raw", bag.request.path.stat().st_size)
+    size = bag.sensor or Sensor(2048, 2048)
+    with raw.open("wb") as file:
+        file.write(f"% evt 3.0\n% format EVT3;height={size.height};width={size.width}\n% end\n".encode())
+        file.write(first.content)
+        for part in parts:
+            if isinstance(part, Packet):
+                file.write(part.content)
+    request = Request(
+        raw,
+        bag.request.name,
+        b"",
+        (),
+        bag.request.assume,
+        bag.request.progress,
+        bag.request.resources,
+        bag.request.scratch,
+    )
+    return through_faery(request, "EVT3 packets", bag.sensor, 6, remarks)
+
+
+def _truth(bag: _Bag, collected: Collected, remarks: Remarks) -> GroundTruth | None:
+    if len(bag.frames) == 0:
+        return None
+    stamps = from_nanoseconds(np.array(bag.stamps, np.int64))
+    if stamps.min() > collected.span.stop + _CLOCK_GAP or stamps.max() < collected.span.start - _CLOCK_GAP:
+        remarks.detected(f"{len(stamps)} pictures of {bag.frame_topic} are on another clock than the events: not shown")
+        return None
+
+    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
+        return grey(bag.frames[index], is_bgr=bag.is_bgr)
+
+    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+
+
+def _opener(what: str, messages: Callable[[Path], Iterator[Message]], is_cdr: bool) -> Callable[[Request], Opened]:
+    return lambda request: _open_messages(request, what, messages(request.path), is_cdr)
+
+
+def _open_folder(request: Request) -> Opened:
+    """The folder of a ROS 2 recording: its parts one after the other."""
+    parts = [name for name in request.members if name.endswith((".mcap", ".db3"))]
+
+    def messages() -> Iterator[Message]:
+        for name in parts:
+            reader = read_mcap if name.endswith(".mcap") else _messages_of_database
+            yield from reader(request.path / name)
+
+    return _open_messages(request, "ROS 2 folder", messages(), True)
+
+
+def _is_folder(request: Request) -> bool:
+    return request.path.is_dir() and any(name.endswith((".mcap", ".db3")) for name in request.members)
+
+
+ROS1_BAG = Format(
+    "ROS 1 bag", (".bag",), lambda r: r.head[:8] == b"#ROSBAG ", _opener("ROS 1 bag", _messages_of_bag, False)
+)
+MCAP = Format("ROS 2 MCAP", (".mcap",), lambda r: r.head[:8] == MAGIC, _opener("ROS 2 MCAP", read_mcap, True))
+ROS2_DATABASE = Format(
+    "ROS 2 SQLite", (".db3",), lambda r: r.head[:16] == _SQLITE, _opener("ROS 2 SQLite", _messages_of_database, True)
+)
+ROS2_FOLDER = Format("ROS 2 folder", ("",), _is_folder, _open_folder)

@@ -1,0 +1,67 @@
+"""Imports run one way, sizes are capped, the public names are exactly the public names."""
+
+import ast
+import importlib
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import etnet
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted(path for package in ("etnet", "app") for path in (ROOT / package).rglob("*.py"))
+
+PUBLIC = {
+    "open_recording", "Recording", "Events", "Sensor", "GroundTruth",
+    "plan_windows", "Window", "BetweenFrames", "ByCount", "ByDuration", "ByDensity",
+    "voxel_grid", "load_model", "build_model", "State", "Step", "Attention", "AttentionProbe", "Intervention",
+    "reconstruct", "Playback",
+    "EtnetError", "RecordingError", "WindowError", "ModelError", "WeightsError", "Cancelled",
+}  # fmt: skip
+
+
+def test_public_names_are_exactly_these_and_each_loads():
+    assert set(etnet.__all__) == PUBLIC
+    for name in PUBLIC:
+        assert callable(getattr(etnet, name))
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = etnet.nonsense
+
+
+def test_imports_run_one_way():
+    code = "import sys; from importlinter.cli import lint_imports_command; lint_imports_command()"
+    command = [sys.executable, "-c", code, "--config", str(ROOT / ".importlinter"), "--no-cache"]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("package", ["etnet", "app"])
+def test_importing_a_package_loads_neither_torch_nor_viser(package: str):
+    code = f"import sys, {package}; print([m for m in ('torch', 'viser', 'h5py', 'cv2') if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+def test_every_module_imports():
+    for package in ("etnet", "app"):
+        for module in pkgutil.walk_packages([str(ROOT / package)], f"{package}."):
+            if not module.name.endswith("__main__"):
+                importlib.import_module(module.name)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_sizes_are_capped(path: Path):
+    text = path.read_text()
+    assert len(text.splitlines()) <= 400, "a file has one subject"
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            length = (node.end_lineno or node.lineno) - node.lineno + 1
+            cap = 40 if node.name == "forward" else 60
+            assert length <= cap, f"{node.name} has {length} lines, at most {cap} fit a screen"
+
+
+def test_no_module_is_a_drawer_for_odds_and_ends():
+    assert not {path.stem for path in SOURCES} & {"utils", "util", "misc", "helpers", "common", "v2", "legacy"}

@@ -1,0 +1,41 @@
+"""What holds for all tests: annotations are enforced, and the run says how many real recordings it read."""
+
+import os
+from collections import Counter
+
+import pytest
+from jaxtyping import install_import_hook
+
+from tests.real_data import DATA
+
+# Shapes and types of every annotated function below are checked at each call.
+install_import_hook(["etnet.nets", "etnet.playback", "etnet.reconstruction"], "beartype.beartype")
+
+_real: Counter[str] = Counter()
+_left_out: Counter[str] = Counter()
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Count the tests that read real recordings, and those that were left out for want of one."""
+    if report.when == "call" or report.skipped:
+        if "real" in report.keywords:
+            _real[report.outcome] += 1
+        if report.skipped and isinstance(report.longrepr, tuple):
+            _left_out[report.longrepr[2].removeprefix("Skipped: ")] += 1
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """One line for the real recordings, one for each reason to leave tests out."""
+    terminalreporter.write_line(f"real recordings: {_real['passed']} tests read them, {_real['skipped']} could not")
+    for reason, count in sorted(_left_out.items()):
+        terminalreporter.write_line(f"left out: {count} × {reason}")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Where the recordings are at hand, none of their tests may be left out; in CI no browser test either."""
+    if session.exitstatus != 0:
+        return
+    if DATA.is_dir() and _real["skipped"]:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    if os.environ.get("CI") == "true" and any("chromium" in reason for reason in _left_out):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

@@ -1,0 +1,77 @@
+"""Written recordings against the layout's documentation, read back with h5py alone."""
+
+import h5py
+import numpy as np
+import pytest
+
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+from etnet.simulation.config import SequenceConfig
+from etnet.simulation.dataset import write_dataset
+from etnet.simulation.sequence import simulate_sequence
+from etnet.simulation.write import Take, take_of, write_take
+from tests.simulation.pictures_made_up import made_up_pool
+
+POOL = made_up_pool()
+CONFIG = SequenceConfig(size=(40, 56), num_windows=6)
+
+
+def test_a_written_clip_reads_back_the_same(tmp_path):
+    sequence = simulate_sequence(POOL, CONFIG, np.random.default_rng(0))
+    write_take(tmp_path / "a.h5", take_of(sequence), {"source": "test"})
+    events = sequence.events
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert np.array_equal(file["events/xs"], events.x)
+        assert np.array_equal(file["events/ys"], events.y)
+        assert np.array_equal(np.rint(file["events/ts"][:] * 1e6).astype(int), events.t)
+        assert np.array_equal(file["events/ps"][:] * 2 - 1, events.p)
+        assert file["events/ps"].dtype == bool
+        assert tuple(file.attrs["sensor_resolution"]) == (40, 56)
+        assert file.attrs["num_events"] == len(events) == file.attrs["num_pos"] + file.attrs["num_neg"]
+        assert file.attrs["num_imgs"] == file.attrs["num_flow"] == 7 == len(file["images"]) == len(file["flow"])
+        for i, edge in enumerate(sequence.window_edges):
+            image, flow = file[f"images/image{i:09d}"], file[f"flow/flow{i:09d}"]
+            truth = sequence.first_frame if i == 0 else sequence.frames[i - 1]
+            assert np.abs(image[()] / 255 - truth).max() <= 0.5 / 255 + 1e-6
+            assert round(image.attrs["timestamp"] * 1e6) == round(flow.attrs["timestamp"] * 1e6) == edge
+            assert image.attrs["event_idx"] == max(0, np.searchsorted(events.t, edge) - 1)
+            if i:
+                seconds = (edge - sequence.window_edges[i - 1]) * 1e-6
+                assert np.allclose(flow[()] * seconds, sequence.flow[i - 1], atol=1e-4)
+            else:
+                assert not flow[()].any()
+
+
+def test_a_recording_without_events_can_be_written(tmp_path):
+    take = Take(Events.empty(Sensor(8, 8)), np.array([0, 10]), np.zeros((2, 8, 8), np.uint8))
+    write_take(tmp_path / "a.h5", take, {})
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file.attrs["num_events"] == 0
+        assert "flow" not in file
+
+
+def test_the_same_take_gives_the_same_bytes_and_a_broken_run_leaves_no_recording(tmp_path):
+    take = take_of(simulate_sequence(POOL, CONFIG, np.random.default_rng(0)))
+    for name in ("a.h5", "b.h5"):
+        write_take(tmp_path / name, take, {"k": 1})
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+    with pytest.raises(TypeError):
+        write_take(tmp_path / "c.h5", take, {"k": object()})
+    assert not (tmp_path / "c.h5").exists()
+
+
+def test_a_dataset_goes_on_where_it_stopped_and_refuses_other_settings(tmp_path):
+    whole = write_dataset(tmp_path / "whole", POOL, CONFIG, 3, seed=5)
+    broken = write_dataset(tmp_path / "broken", POOL, CONFIG, 2, seed=5)
+    kept = broken[0].stat().st_mtime_ns
+    counted = []
+    resumed = write_dataset(tmp_path / "broken", POOL, CONFIG, 3, 5, progress=lambda *of: counted.append(of))
+    assert [p.read_bytes() for p in resumed] == [p.read_bytes() for p in whole]
+    assert broken[0].stat().st_mtime_ns == kept
+    assert counted == [(1, 3), (2, 3), (3, 3)]
+    assert whole[0].read_bytes() != whole[1].read_bytes()
+    with pytest.raises(RecordingError, match="other settings"):
+        write_dataset(tmp_path / "broken", POOL, CONFIG, 3, seed=6)
+    whole[0].write_bytes(b"broken")
+    with pytest.raises(RecordingError, match="not a readable HDF5"):
+        write_dataset(tmp_path / "whole", POOL, CONFIG, 3, seed=5)
