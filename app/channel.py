@@ -88,23 +88,23 @@ def parse(text: str) -> ask.Intent | Message | None:
     return None
 
 
-def _picked(key: str, u: float, v: float) -> ask.Intent | None:
+def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
     if not (math.isfinite(u) and math.isfinite(v)):
         return None
     kind, _, name = key.partition(":")
     match kind:
-        case "reconstruction" | "camera" | "events":
+        case "pixel":
             return ask.QueryFraction(u, v)
         case "site":
             return ask.OpenSite(name)
-        case "sites":
+        case "heads":
             return ask.CloseSite()
+        case "help":
+            return AskHelp()
         case "head":
             return ask.ChooseHead(None if name == "mean" else int(name))
         case "bin":
-            return ask.OpenBin(int(name))
-        case "bins":
-            return ask.OpenBin(None)
+            return ask.OpenBin(int(name) if name else None)
     return None
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import viser
 
 from app import intents as ask
+from app.assets import page_folder
 from app.channel import AskHelp, Message, open_channel
 from app.panels.attention import AttentionPanel
 from app.panels.base import Dispatch, Page, Panel
@@ -17,7 +18,6 @@ from app.panels.source import Source
 from app.panels.transport import Transport
 from app.panels.view import ViewPanel
 from app.scene.space import Space, camera_place
-from app.server import page_folder
 
 PHONE_ASPECT = 0.9
 """A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
@@ -49,7 +49,7 @@ class Layout:
     panels: tuple[Panel, ...]
     legend: SceneLegend
     is_phone: bool
-    left: viser.GuiPanelHandle | None = None
+    left: viser.PanelHandle | None = None
 
     def arrange(self, workspace: ask.Workspace) -> None:
         """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark."""
@@ -154,9 +154,7 @@ def _build_phone(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
     return Layout(client, (transport, reconstruction, events, voxels, attention, source, legend), legend, True)
 
 
-def _add_commands(
-    gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]
-) -> None:
+def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]) -> None:
     for label, key, intent in COMMANDS:
         command = gui.add_command(label, hotkey=key)  # pyright: ignore[reportArgumentType]  a key of viser's list
 

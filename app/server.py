@@ -8,13 +8,13 @@ import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
 
 import viser
-from viser.theme import TitlebarButton, TitlebarConfig, TitlebarImage
+from viser.theme import TitlebarImage
 
+from app.assets import page_folder
 from app.guard import LOOPBACK, Guard, guarding
 from etnet.errors import EtnetError
 
@@ -50,12 +50,6 @@ class Visit(Protocol):
         ...
 
 
-def page_folder() -> Path:
-    """Where logo, theme and help lie: in a wheel beside this module, in a checkout under static/page."""
-    installed = Path(__file__).parent / "static"
-    return installed if installed.is_dir() else Path(__file__).parents[1] / "static" / "page"
-
-
 def free_port(host: str, port: int) -> int:
     """`port`, or the next one that is free."""
     for candidate in range(port, min(port + PORTS_TRIED, 65_536)):
@@ -87,14 +81,14 @@ def start_server(address: Address, port: int, visit: Callable[[viser.ClientHandl
 
 
 def _dress(server: viser.ViserServer) -> None:
-    logo = TitlebarImage("/static/logo.svg", "/static/logo.svg", "ET-Net: events to video", None)
-    help_button = TitlebarButton("Keys and help: ?", "Keyboard", "/static/help.html")
+    logo = "/static/logo.svg"
+    image = TitlebarImage(image_url_light=logo, image_url_dark=logo, image_alt="ET-Net: events to video", href=None)
     server.gui.configure_theme(
         dark_mode=True,
         show_logo=False,
         show_share_button=False,
         brand_color=BRAND,
-        titlebar_content=TitlebarConfig((help_button,), logo),
+        titlebar_content={"buttons": None, "image": image},
     )
     server.scene.configure_default_lights(enabled=False)
     # x right, y down as on the sensor. It must stand before the first visitor's camera is placed.

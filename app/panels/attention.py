@@ -7,9 +7,9 @@ import viser
 from app import intents as ask
 from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page, assign, on_visitor
-from app.present import AttentionLook, attention_html
+from app.present import attention_html
 
-RANGES = {"shared": "one scale for all maps", "per map": "each map its own"}
+RANGES: dict[ask.MapRange, str] = {"shared": "one scale for all maps", "per map": "each map its own"}
 
 
 class AttentionPanel:
@@ -37,19 +37,9 @@ class AttentionPanel:
         self._maps.show(
             attention_html(
                 page.ready,
-                look_of(page),
-                state.index,
+                page.look,
+                wanted=state.index,
                 opened=opened,
-                working=page.working,
-                failed=page.failed,
                 on_pick=ON_PICK,
             )
         )
-
-
-def look_of(page: Page) -> AttentionLook | None:
-    """How this visitor looks at attention; `None` before he chose a pixel."""
-    state = page.state
-    if state.query is None:
-        return None
-    return AttentionLook(state.query, state.head, state.overlay, state.map_range, page.tones)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import viser
 
 from app.intents import Intent
-from app.present import ModelFacts, Moment, Tones
+from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.timeline import Cached
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
@@ -38,6 +38,8 @@ class Page:
     failed: Failed | None = None
     cached: Cached | None = None
     tones: Tones = field(default_factory=Tones)
+    look: AttentionLook | None = None
+    """`None` before a pixel was chosen."""
     model: ModelFacts = field(default_factory=lambda: ModelFacts("no network"))
     step_milliseconds: float | None = None
     is_moving: bool = False

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import viser
 
+from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
 from app.present import camera_frame_html, event_image_html, provenance_html
 from app.present.cloud import EventCloud
 from etnet.render.colours import OFF, ON, hexadecimal
+
+
+_HELP = f'<button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button>'
 
 
 class Provenance:
@@ -21,10 +25,10 @@ class Provenance:
     def show(self, page: Page) -> None:
         """Say what is on show and how it was made."""
         if page.moment is None:
-            self._strip.show("")
+            self._strip.show(_HELP)
             return
         strip = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
-        self._strip.show(f'<div class="etv-provenance">{strip}</div>')
+        self._strip.show(f'<div class="etv-provenance">{strip}</div>{_HELP}')
 
 
 class SceneLegend:
@@ -46,7 +50,7 @@ class SceneLegend:
         if page.moment is None or cloud is None or not _shows_cloud(page):
             self._legend.show(mark)
             return
-        drawn = f"{len(cloud.points):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
+        drawn = f"{len(cloud.positions):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
         self._legend.show(
             f'{mark}<div class="et etv-scene-legend" data-testid="scene-legend">'
             f'<span class="et-swatch"><i style="background:{hexadecimal(ON)}"></i>brighter (ON)</span>'

@@ -11,7 +11,7 @@ from app.present import camera_frame_html, event_image_html, reconstruction_html
 from app.present.html import empty, panel
 from app.view_state import choices
 
-TONES = {"auto": "as the network needs", "raw": "as it comes", "robust": "stretched", "gamma": "gamma 2.2"}
+TONES: dict[ask.Tone, str] = {"auto": "as the network needs", "raw": "as it comes", "robust": "stretched", "gamma": "gamma 2.2"}
 
 
 class Reconstruction:
@@ -66,15 +66,17 @@ class Voxels:
         if page.moment is None:
             self._voxels.show("")
             return
-        self._voxels.show(titled("What the network is given", voxel_html(page.moment, page.state.voxel_bin, on_pick=ON_PICK)))
+        self._voxels.show(
+            titled("What the network is given", voxel_html(page.moment, page.state.voxel_bin, on_pick=ON_PICK))
+        )
 
 
 def reconstruction(page: Page) -> str:
     """The reconstruction's panel, as every workspace shows it."""
     return reconstruction_html(
         page.ready,
-        page.state.index,
         tones=page.tones,
+        wanted=page.state.index,
         query=page.state.query,
         working=page.working,
         failed=page.failed,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from typing import Any
 
 import viser
 
@@ -11,7 +12,7 @@ from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, se
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
-PRECISIONS = {"auto": "whichever is faster", "fp32": "fp32", "bf16": "bf16"}
+PRECISIONS: dict[ask.Precision, str] = {"auto": "whichever is faster", "fp32": "fp32", "bf16": "bf16"}
 DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
 STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
 
@@ -29,7 +30,7 @@ class Source:
         self._model = gui.add_dropdown("Network", ("–",))
         self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
         self._facts = Html(gui)
-        arithmetic = {text: name for name, text in PRECISIONS.items()}
+        arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
         on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
         on_visitor(self._number, self._policy_with, dispatch)
@@ -92,7 +93,7 @@ def _chosen(model_id: str | None) -> ask.Intent | None:
 
 
 def _offer(
-    dropdown: viser.GuiDropdownHandle[str], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
+    dropdown: viser.GuiDropdownHandle[Any], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
 ) -> None:
     offered: dict[str, str] = {}
     for choice in choices:

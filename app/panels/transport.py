@@ -6,8 +6,9 @@ import viser
 
 from app import intents as ask
 from app.panels.base import Dispatch, Html, Page, assign, on_press, on_visitor
-from app.present import STYLE, timeline_html
+from app.present import STYLE, now_html, timeline_html, timeline_key_html
 
+_WAITING = '<div class="etv-strip"></div>'
 EVERY_FRAME = "every image"
 SPEEDS: dict[str, ask.ChooseSpeed] = {
     EVERY_FRAME: ask.ChooseSpeed(0.1, waits_for_frames=True),
@@ -25,7 +26,9 @@ class Transport:
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """In the order in which `static/page/theme.css` puts them on a grid."""
-        self._strip = Html(gui, STYLE + '<div class="etv-strip-wait"></div>')
+        Html(gui, STYLE)
+        self._now = Html(gui)
+        self._strip = Html(gui, _WAITING)
         self._slider = gui.add_slider("Window", 0, 1, 1, 0)
         buttons = (
             ("First window", viser.Icon.PLAYER_SKIP_BACK, ask.Seek(0)),
@@ -57,7 +60,8 @@ class Transport:
             self._play.label = "Pause" if state.is_playing else "Play"
             self._play.icon = viser.Icon.PLAYER_PAUSE if state.is_playing else viser.Icon.PLAYER_PLAY
         if page.moment is None:
-            self._strip.show(STYLE + '<div class="etv-strip-wait"></div>')
+            self._now.show("")
+            self._strip.show(_WAITING)
             return
         last = max(len(page.moment.windows) - 1, 1)
         if self._slider.max != last:
@@ -66,7 +70,8 @@ class Transport:
             self._slider.max = last
         assign(self._slider, state.index)
         assign(self._time, round(max(page.moment.seconds[1], 0.0), 3))
-        self._strip.show(STYLE + timeline_html(page.moment, page.cached))
+        self._now.show(f'<div class="etv-now">{now_html(page.moment)}{timeline_key_html(page.moment)}</div>')
+        self._strip.show(f'<div class="etv-strip">{timeline_html(page.moment, page.cached)}</div>')
 
 
 def _speed_words(speed: float, waits_for_frames: bool) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import viser
 
 from app import intents as ask
@@ -22,12 +24,12 @@ class ViewPanel:
         self._events = gui.add_checkbox("Events in the scene", True)
 
         @self._workspace.on_click
-        async def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
+        async def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None and event.target.value in WORKSPACES:
                 dispatch(ask.ShowWorkspace(WORKSPACES[event.target.value]))
 
         @self._camera.on_click
-        async def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
+        async def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None and event.target.value in CAMERAS:
                 dispatch(ask.ChooseCamera(CAMERAS[event.target.value]))
 

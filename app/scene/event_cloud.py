@@ -36,10 +36,9 @@ class CloudNode:
         if space != self._space:
             self._build(space)
         assert self._points is not None
-        duration = max(cloud.duration_ms, 1e-6)
-        self._points.points = space.place(cloud.points * np.array([1, 1, 1 / duration], np.float32))
+        self._points.points = space.place(cloud.positions)
         self._points.colors = cloud.colours
-        self._say_depth(duration)
+        self._say_depth(cloud.duration_ms)
         self._shown = cloud
 
     def set_visible(self, is_visible: bool) -> None:

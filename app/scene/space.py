@@ -44,9 +44,7 @@ class Space:
         middle = np.array([self.sensor.width / 2, self.sensor.height / 2, 0.0], np.float32)
         return (pixels_and_age - middle) * np.array([self.unit, self.unit, DEPTH], np.float32)
 
-    def pixel_hit(
-        self, origin: Vector, direction: Vector, z: float = 0.0
-    ) -> tuple[int, int] | None:
+    def pixel_hit(self, origin: Vector, direction: Vector, z: float = 0.0) -> tuple[int, int] | None:
         """The pixel where a ray meets the plane at `z`; `None` when it misses it."""
         if abs(direction[2]) < 1e-9:
             return None
@@ -95,9 +93,7 @@ def box_corners(space: Space) -> Float[np.ndarray, "8 3"]:
     return np.array([[x, y, z] for x in (-halves[0], halves[0]) for y in (-halves[1], halves[1]) for z in (0.0, DEPTH)])
 
 
-def _distance_to_see(
-    space: Space, middle: Vector, towards: Vector, fov: float, aspect: float
-) -> float:
+def _distance_to_see(space: Space, middle: Vector, towards: Vector, fov: float, aspect: float) -> float:
     """How far back along `towards` every corner of the box (and its ticks) lies inside the picture."""
     right = np.cross(towards, np.array([0.0, 1.0, 0.0]))
     right /= np.linalg.norm(right)

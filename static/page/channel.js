@@ -23,7 +23,7 @@
   window.etnetHello = () => say("hello", tab(), ...size());
 
   // Clicks, and dragging over an image, which asks at every new place, at most 15 times a second.
-  const isPixel = (element) => ["reconstruction", "camera", "events"].includes(element?.dataset.k);
+  const isPixel = (element) => element?.dataset.k === "pixel";
   let held = null;
   let last = 0;
   const pick = (element, event) => {
