@@ -1,7 +1,7 @@
 """Where the network looks from one pixel: all sites in a grid, or one site with its heads.
 
-Clicks send `site:<name>` on a map of the grid, `head:<n>` on a head, `head:mean`, `pixel` on the large map (its box is the
-sensor), and `heads:close` to go back to all sites.
+Clicks send `site:<name>` on a map of the grid, `head:<n>` on a head, `head:mean`, `pixel` on the large map (its box is
+the sensor), and `heads:close` to go back to all sites.
 """
 
 from __future__ import annotations

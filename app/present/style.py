@@ -91,7 +91,8 @@ _SHEET = """
 .et-strip.et-pick{cursor:pointer}
 .et-head-line{position:absolute;top:-3px;bottom:-3px;width:2px;margin-left:-1px;background:#fff;pointer-events:none;
  box-shadow:0 0 3px #000}
-.et-seconds{position:relative;height:16px;line-height:16px;margin:-4px var(--inset,0) 0;font-size:var(--small);color:var(--s)}
+.et-seconds{position:relative;height:16px;line-height:16px;margin:-4px var(--inset,0) 0;font-size:var(--small);
+ color:var(--s)}
 .et-seconds>span{position:absolute;white-space:nowrap}
 .et-facts{display:flex;flex-wrap:wrap;gap:6px 22px;align-items:center;margin:0}
 .et-facts>div{display:flex;flex-direction:column;min-width:0}
