@@ -24,6 +24,11 @@ class Keeper:
         self._kept = ""
         self._kept_at = 0.0
 
+    @property
+    def knows_tab(self) -> bool:
+        """Whether the page has said which tab it is."""
+        return self._tab is not None
+
     def recall(self, tab: int) -> tuple[ViewState, tuple[str, ...]]:
         """The view that this tab had, and what of it was refused. The default for a new tab, or a silent browser."""
         self._tab = tab

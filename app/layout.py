@@ -104,7 +104,6 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
     provenance, legend, demo = Provenance(), SceneLegend(), Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
     attention, source, view = AttentionPanel(), Source(), ViewPanel()
-    provenance.build(gui, dispatch)
 
     left = gui.add_panel()
     with left.add_tab("Window on show", viser.Icon.PHOTO):
@@ -129,8 +128,8 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
 
     foot = gui.add_panel()
     with foot.add_tab("Timeline", viser.Icon.TIMELINE):
-        legend.build(gui, dispatch)
-        transport.build(gui, dispatch)
+        for panel in (provenance, legend, transport):
+            panel.build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
 
     panels = (transport, events, voxels, reconstruction, attention, source, view, provenance, legend, demo)

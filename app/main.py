@@ -59,6 +59,8 @@ class Viewer:
             address, self.port, lambda client: Session(client, self.catalogue, self.engine, default)
         )
         self.port = self.server.get_port()
+        if models:
+            self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
 
     @property
     def url(self) -> str:

@@ -6,7 +6,9 @@ import asyncio
 import errno
 import socket
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from importlib.metadata import PackageNotFoundError, version
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -71,8 +73,9 @@ def start_server(address: Address, port: int, visit: Callable[[viser.ClientHandl
     guard = Guard(
         page_folder(), address.token, LOOPBACK | {_bracketed(address.host)}, public, f"ok, viser {viser.__version__}\n"
     )
-    with guarding(guard):
-        server = viser.ViserServer(host=address.host, port=port, label="ET-Net", verbose=False)
+    # viser prints a frame with addresses of its own; this program says where to look in one line.
+    with guarding(guard), redirect_stdout(StringIO()):
+        server = viser.ViserServer(host=address.host, port=port, label="Look inside", verbose=False)
     # Any page in the browser may ask viser to publish itself through a tunnel on a foreign server: never here.
     server.request_share_url = lambda verbose=True: None
     _dress(server)

@@ -64,7 +64,7 @@ class Session:
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
         self._mail: SimpleQueue[Item] = SimpleQueue()
-        self._state = default
+        self._default = self._state = default
         self._keeper = Keeper(client, default)
         self._opener = Opener(catalogue, self._mail.put)
         self._player = Player()
@@ -81,6 +81,7 @@ class Session:
         self._glanced_at = 0.0
         self._cached: object = None
         self._layout = build_layout(client, self._mail.put, self._mail.put)
+        self._layout.arrange(default.workspace)
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
         threading.Thread(target=self._run, daemon=True, name=self._visitor).start()
@@ -150,10 +151,13 @@ class Session:
         self._is_dirty = True
 
     def _greet(self, tab: int) -> None:
-        if self._is_known and self._state.recording_id:
-            return  # the page said hello again, after a reload of its script
+        if self._keeper.knows_tab:
+            return
+        recalled, refused = self._keeper.recall(tab)
+        if self._is_known and self._state != self._default:
+            return  # a slow page said hello when its visitor had already begun: his view is the newer one
         self._is_known = True
-        self._state, refused = self._keeper.recall(tab)
+        self._state = recalled
         known = {entry.id for entry in self._catalogue.entries()}
         if self._state.recording_id not in known:
             self._state = reduce(self._state, ask.OpenRecording(next(iter(known), "")), Limits())

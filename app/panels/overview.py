@@ -12,7 +12,7 @@ from app.present.cloud import EventCloud
 from etnet.render.colours import OFF, ON, hexadecimal
 
 
-_HELP = f'<button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button>'
+_HELP = f'<span><button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button></span>'
 
 
 class Provenance:
