@@ -16,6 +16,8 @@ from etnet.windows import Policy, Window
 SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Recording seconds per second that the transport offers."""
 NUM_HEADS_CAP = 64
+WARM_WINDOW = 20
+"""Where a recording that was never looked at is opened: the network has seen enough there to draw well."""
 SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
 
 
@@ -136,6 +138,8 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
             return replace(state, policy=policy, moment=moment, is_playing=False)
         case ask.Settle(policy):
             index = state.index if state.moment is None else limits.index_at(state.moment)
+            if state.policy is None and index == 0:
+                index = min(WARM_WINDOW, len(limits.windows or ()) // 2)
             settled = replace(state, policy=policy, index=limits.clamp_index(index), moment=None)
             return settled if state.query is None else reduce(settled, ask.Query(*state.query), limits)
     return None

@@ -73,7 +73,7 @@ class Demo:
             return
         shown = [
             ("Changes the sensor reported", event_image_html(page.moment, page.state.event_image)),
-            ("Image the network makes of them", reconstruction(page)),
+            ("Image the network makes of them", reconstruction(page, is_plain=True)),
         ]
         if page.moment.recording.ground_truth is not None:
             shown.append(("Ordinary camera", camera_frame_html(page.moment, tones=page.tones)))

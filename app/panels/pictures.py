@@ -71,16 +71,16 @@ class Voxels:
         )
 
 
-def reconstruction(page: Page) -> str:
-    """The reconstruction's panel, as every workspace shows it."""
+def reconstruction(page: Page, is_plain: bool = False) -> str:
+    """The reconstruction's panel; plain, it takes no clicks and marks no pixel."""
     return reconstruction_html(
         page.ready,
         tones=page.tones,
         wanted=page.state.index,
-        query=page.state.query,
+        query=None if is_plain else page.state.query,
         working=page.working,
         failed=page.failed,
-        on_pick=ON_PICK,
+        on_pick="" if is_plain else ON_PICK,
     )
 
 
