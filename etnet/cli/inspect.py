@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -24,7 +24,7 @@ class Inspect:
 
     file: tyro.conf.Positional[Path]
     """A recording: a file, a folder or a zip."""
-    opening: Annotated[Opening, tyro.conf.arg(name="")] = Opening()
+    opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
     json: bool = False
     """Print JSON instead of the page."""
     picture: Path | None = None
@@ -33,9 +33,11 @@ class Inspect:
 
 def run(config: Inspect) -> int:
     """Do it; returns the exit code."""
-    with open_with_progress(config.file, config.opening) as recording:
-        with fraction_callback("looking through") as progress:
-            found = examine(recording, progress)
+    with (
+        open_with_progress(config.file, config.opening) as recording,
+        fraction_callback("looking through") as progress,
+    ):
+        found = examine(recording, progress)
     if config.picture is not None:
         _write_picture(config.picture, found)
     if config.json:
@@ -49,7 +51,9 @@ def _print_page(found: Examination) -> None:
     from rich.console import Console
 
     console = Console(highlight=False)
-    table = Table(title=f"{found.name} · {found.format}", show_header=False, box=None, title_justify="left", padding=(0, 2, 0, 0))
+    table = Table(
+        title=f"{found.name} · {found.format}", show_header=False, box=None, title_justify="left", padding=(0, 2, 0, 0)
+    )
     for what, value in _rows(found):
         table.add_row(f"[dim]{what}[/dim]", value)
     console.print(table)
@@ -62,19 +66,24 @@ def _print_page(found: Examination) -> None:
 def _rows(found: Examination) -> list[tuple[str, str]]:
     seconds = (found.stop - found.start) / 1e6
     share = found.num_on / found.num_looked_at if found.num_looked_at else 0.0
+    mean, peak = found.mean_rate / 1e6, found.peak_rate / 1e6
+    first_gap = f", first {found.gaps[0].start:,} … {found.gaps[0].stop:,} µs" if found.gaps else ""
     rows = [
         ("sensor", f"{found.width} × {found.height} pixels"),
         ("span", f"{seconds:.6f} s, stamps {found.start:,} … {found.stop:,} µs"),
-        ("events", f"{found.num_events:,}; {share:.1%} ON; mean {found.mean_rate / 1e6:.3f} M/s, peak {found.peak_rate / 1e6:.3f} M/s"),
+        ("events", f"{found.num_events:,}; {share:.1%} ON; mean {mean:.3f} M/s, peak {peak:.3f} M/s"),
         ("rate", _sparkline(found.rates)),
-        ("gaps", f"{len(found.gaps)}" + (f", first {found.gaps[0].start:,} … {found.gaps[0].stop:,} µs" if found.gaps else "")),
-        ("stamps", f"{found.num_equal_stamps:,} equal to the one before, {found.num_repeated_events:,} repeated events"),
+        ("gaps", f"{len(found.gaps)}{first_gap}"),
+        ("stamps", f"{found.num_equal_stamps:,} equal to the one before, {found.num_repeated_events:,} repeats"),
         ("pixels", f"{found.num_silent_pixels:,} silent, {len(found.hot_pixels)} hot"),
     ]
     if found.frames is not None:
         frames = found.frames
         rows.append(
-            ("frames", f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second")
+            (
+                "frames",
+                f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second",
+            )
         )
     rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
     return rows

@@ -17,7 +17,7 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
     "evaluate": ("etnet.cli.evaluate", "Evaluate"),
-    "simulate": ("etnet.cli.simulate", "Simulate"),
+    "sample": ("etnet.cli.sample", "Sample"),
 }
 """Command → the module that holds it, and its configuration's class."""
 
