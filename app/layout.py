@@ -89,7 +89,7 @@ def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -
 
 def show_help(client: viser.ClientHandle) -> None:
     """Keys and words of the page, in a window of their own."""
-    with client.gui.add_modal("Keys and words", size="lg") as modal:
+    with client.gui.add_modal("Keys and words") as modal:
         client.gui.add_html((page_folder() / "help.html").read_text("utf-8"))
         close = client.gui.add_button("Close")
 

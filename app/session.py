@@ -101,17 +101,16 @@ class Session:
     def _serve(self) -> None:
         began = time.monotonic()
         while not self._is_closed:
-            for item in self._letters(self._patience()):
-                self._take(item)
-            if self._is_closed:
-                return
-            if not self._is_known and time.monotonic() - began > WAIT_FOR_HELLO:
-                self._is_known = True
             try:
-                self._advance()
-            except Exception as error:  # a page that cannot be drawn must not end the visit
+                for item in self._letters(self._patience()):
+                    self._take(item)
+                if not self._is_known and time.monotonic() - began > WAIT_FOR_HELLO:
+                    self._is_known = True
+                if not self._is_closed:
+                    self._advance()
+            except Exception as error:  # what cannot be drawn must not end the visit
                 log.exception("%s: cannot draw", self._visitor)
-                self._notify("This could not be drawn", f"{type(error).__name__}: {error}")
+                self._notify("This could not be shown", f"{type(error).__name__}: {error}")
                 self._is_dirty = False
 
     def _letters(self, patience: float) -> Iterator[Item]:
