@@ -16,7 +16,7 @@ from etnet.windows import Policy, Window
 SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Recording seconds per second that the transport offers."""
 NUM_HEADS_CAP = 64
-WARM_WINDOW = 12
+WARM_WINDOW = 20
 """Where a recording that was never looked at is opened: the network has seen enough there to draw well."""
 SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
 

@@ -11,7 +11,12 @@ from app.present import camera_frame_html, event_image_html, reconstruction_html
 from app.present.html import empty, panel
 from app.view_state import choices
 
-TONES: dict[ask.Tone, str] = {"auto": "as the network needs", "raw": "as it comes", "robust": "stretched", "gamma": "gamma 2.2"}
+TONES: dict[ask.Tone, str] = {
+    "auto": "as the network needs",
+    "raw": "as it comes",
+    "robust": "stretched",
+    "gamma": "gamma 2.2",
+}
 
 
 class Reconstruction:

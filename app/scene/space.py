@@ -103,4 +103,4 @@ def _distance_to_see(space: Space, middle: Vector, towards: Vector, fov: float, 
     across, along, nearer = np.abs(offsets @ right), np.abs(offsets @ up), offsets @ towards
     # A corner `nearer` to the camera by n needs n more distance: |across| ≤ (d − n) · half · aspect.
     needed = np.maximum(across / (half * aspect), along / half) + nearer
-    return 1.1 * float(needed.max())
+    return 1.16 * float(needed.max())

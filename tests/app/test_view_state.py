@@ -112,7 +112,7 @@ def test_new_windows_keep_the_moment_in_time():
 
 
 def test_a_recording_never_looked_at_opens_where_the_network_is_warm():
-    assert reduce(ViewState(), ask.Settle(ByCount(10)), limits(400)).index == 12
+    assert reduce(ViewState(), ask.Settle(ByCount(10)), limits(400)).index == 20
     assert reduce(ViewState(), ask.Settle(ByCount(10)), limits(9)).index == 4
     assert reduce(ViewState(policy=ByCount(10)), ask.Settle(ByCount(10)), limits(400)).index == 0
 

@@ -26,7 +26,7 @@ def visit(viewer, story, **options):
 
 def test_the_page_opens_on_the_first_recording_with_everything_drawn(viewer):
     async def story(browser):
-        await browser.until_shown("Reconstruction of window 12")
+        await browser.until_shown("Reconstruction of window 15")
         html = browser.html()
         for name in ("events", "voxels", "camera", "provenance", "timeline", "scene-legend"):
             assert f'data-testid="{name}"' in html
@@ -37,13 +37,13 @@ def test_the_page_opens_on_the_first_recording_with_everything_drawn(viewer):
 
 def test_the_event_view_follows_the_slider_while_the_model_is_busy(viewer):
     async def story(browser):
-        await browser.until_shown("Reconstruction of window 12")
+        await browser.until_shown("Reconstruction of window 15")
         viewer.engine.is_held = True
         began = time.monotonic()
         await browser.use(browser.widget("Window"), 25)
         await browser.until_shown("window 25 of 30")
         assert time.monotonic() - began < 5
-        await browser.until_shown("showing 12, computing 25 (14 of 19)")
+        await browser.until_shown("showing 15, computing 25 (14 of 19)")
 
     try:
         visit(viewer, story, tab=21)
@@ -87,7 +87,7 @@ def test_two_visitors_scrub_alone(viewer):
     async def run():
         async with Browser.open(viewer.port, tab=31) as one, Browser.open(viewer.port, tab=32) as two:
             for browser in (one, two):
-                await browser.until_shown("Reconstruction of window 12")
+                await browser.until_shown("Reconstruction of window 15")
             await one.use(one.widget("Window"), 5)
             await two.use(two.widget("Window"), 9)
             await one.until_shown("Reconstruction of window 5")
@@ -110,7 +110,7 @@ def test_a_view_comes_back_with_its_tab_and_only_with_it(viewer):
         await browser.until_shown("window 17 of 30")
 
     async def come_anew(browser):
-        await browser.until_shown("window 12 of 30")
+        await browser.until_shown("window 15 of 30")
 
     visit(viewer, leave, tab=41, storage=storage)
     visit(viewer, come_back, tab=41, storage=storage)
