@@ -181,7 +181,9 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     chosen = rows.mean(0) if look.head is None or look.head >= len(rows) else rows[look.head]
     who = "mean of all heads" if look.head is None or look.head >= len(rows) else f"head {look.head + 1}"
     num_read = _tokens(chosen)
-    peak = float(times_uniform(chosen).max())
+    token = int(chosen.argmax())
+    peak = float(times_uniform(chosen)[token])
+    x, y = attention.grid.pixel_of(token)
     height, width = ready.frame.shape
     large = picture(
         data_url(_over_frame(ready, look, chosen, None), is_lossless=True),
@@ -194,7 +196,8 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     )
     facts = (
         f'<div class="et-caption"><span>{who}</span><span>reads ≈ <b>{num_read}</b> of {count(rows.shape[-1])} tokens'
-        f" · at most <b>{peak:.3g}</b> × uniform</span></div>"
+        f' · most at <b data-testid="peak" data-token="{token}" data-weight="{float(chosen[token]):.7g}">({x}, {y})</b>:'
+        f" <b>{peak:.3g}</b> × uniform</span></div>"
     )
     cells: list[str] = []
     for head, row in enumerate(rows):
