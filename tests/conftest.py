@@ -9,7 +9,7 @@ from jaxtyping import install_import_hook
 from tests.real_data import DATA
 
 # Shapes and types of every annotated function below are checked at each call.
-install_import_hook(["etnet.nets", "etnet.playback", "etnet.reconstruction"], "beartype.beartype")
+install_import_hook(["etnet.nets", "etnet.playback", "etnet.reconstruction", "etnet.inspection"], "beartype.beartype")
 
 _real: Counter[str] = Counter()
 _left_out: Counter[str] = Counter()
