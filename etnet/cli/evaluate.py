@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 from rich.markup import escape
 
-from etnet.cli.progress import console, progress_callback
+from etnet.cli.progress import console, fraction_callback
 from etnet.errors import EtnetError, RecordingError, WeightsError
 
 if TYPE_CHECKING:
@@ -143,7 +143,9 @@ def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: st
     kept = read_scores(job.target, key)
     if kept is not None:
         return kept
-    with open_recording(job.recording) as recording, progress_callback(escape(label)) as progress:
+    with fraction_callback(escape(f"opening {job.recording.name}")) as progress:
+        recording = open_recording(job.recording, progress=progress)
+    with recording, fraction_callback(escape(label)) as progress:
         scores = evaluate(
             model,
             recording,
@@ -222,8 +224,8 @@ def _write_report(report: Report, out: Path) -> None:
     if report.scores:
         _write_text(out / "report.svg", plot_scores(report.scores))
         console.print(report.to_table())
-    for failure in report.failures:
-        _say(f"failed: {failure.model} on {failure.recording}: {failure.reason}")
+    for note in report.notes():
+        _say(note)
     _say(f"wrote {out / 'report.md'}, report.json and report.svg")
 
 

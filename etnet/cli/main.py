@@ -13,8 +13,11 @@ from etnet.errors import EtnetError
 
 _COMMANDS: dict[str, tuple[str, str]] = {
     "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
+    "inspect": ("etnet.cli.inspect", "Inspect"),
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
+    "evaluate": ("etnet.cli.evaluate", "Evaluate"),
+    "sample": ("etnet.cli.sample", "Sample"),
 }
 """Command → the module that holds it, and its configuration's class."""
 

@@ -65,10 +65,10 @@ def test_a_dataset_goes_on_where_it_stopped_and_refuses_other_settings(tmp_path)
     broken = write_dataset(tmp_path / "broken", POOL, CONFIG, 2, seed=5)
     kept = broken[0].stat().st_mtime_ns
     counted = []
-    resumed = write_dataset(tmp_path / "broken", POOL, CONFIG, 3, 5, progress=lambda *of: counted.append(of))
+    resumed = write_dataset(tmp_path / "broken", POOL, CONFIG, 3, 5, progress=counted.append)
     assert [p.read_bytes() for p in resumed] == [p.read_bytes() for p in whole]
     assert broken[0].stat().st_mtime_ns == kept
-    assert counted == [(1, 3), (2, 3), (3, 3)]
+    assert counted == [1 / 3, 2 / 3, 1]
     assert whole[0].read_bytes() != whole[1].read_bytes()
     with pytest.raises(RecordingError, match="other settings"):
         write_dataset(tmp_path / "broken", POOL, CONFIG, 3, seed=6)

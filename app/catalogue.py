@@ -1,0 +1,258 @@
+"""Which recordings and models a visitor can open. Ids are opaque: no path goes to a page, none comes from one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Lock
+from typing import Any, Literal
+
+from app.config import ViewerConfig
+from etnet.bundled import models, samples
+from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.events.recording import Recording, Remark
+from etnet.windows import BetweenFrames, ByDensity, Policy
+
+Kind = Literal["bundled", "data", "file"]
+KEPT_OPEN = 6
+"""Recordings that stay open though nobody looks at them."""
+MAX_ENTRIES = 500
+"""Recordings listed of a --data folder."""
+RUNNABLE_PIXELS = 160_000
+"""Above it a step of the default network takes seconds on two cores; 480×320 is below, 640×480 above."""
+DEFAULT_DENSITY = 0.35
+"""Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
+
+_BESIDE_EVENTS = {"images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
+_FOLDER_SIGNS = ("events.txt", "events_ts.npy")
+
+
+class CatalogueError(EtnetError):
+    """Something was asked for that the catalogue does not hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One recording that can be opened."""
+
+    id: str
+    title: str
+    kind: Kind
+    subtitle: str
+    path: Path = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEntry:
+    """One model that can be run. `trained_band`: events per pixel and window; `source` is what `load_model` takes."""
+
+    id: str
+    title: str
+    subtitle: str
+    is_linear_light: bool
+    trained_band: tuple[float, float] | None
+    warm_up: int | None
+    source: str | Path = field(repr=False)
+
+
+class Catalogue:
+    """Recordings and models by id; recordings are opened once for all visitors. Safe from every thread."""
+
+    def __init__(self, config: ViewerConfig) -> None:
+        self._config = config
+        self._open: OrderedDict[str, Recording] = OrderedDict()
+        self._opening: dict[str, Lock] = {}
+        self._lock = Lock()
+        self._models = tuple(_models(config.model))
+        self._entries = tuple(_entries(config))
+
+    def entries(self) -> tuple[Entry, ...]:
+        """The file of the command line, the bundled recordings, those of the --data folder."""
+        return self._entries
+
+    def rescan(self) -> tuple[Entry, ...]:
+        """Look into the --data folder again."""
+        self._entries = tuple(_entries(self._config))
+        return self._entries
+
+    def models(self) -> tuple[ModelEntry, ...]:
+        """The model of the command line first, then the bundled ones."""
+        return self._models
+
+    def entry(self, recording_id: str) -> Entry:
+        """The entry of an id; an error if there is none."""
+        found = next((entry for entry in self._entries if entry.id == recording_id), None)
+        if found is None:
+            raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
+        return found
+
+    def model(self, model_id: str) -> ModelEntry:
+        """The model of an id; an error if there is none."""
+        found = next((entry for entry in self._models if entry.id == model_id), None)
+        if found is None:
+            raise CatalogueError("this model is not in the catalogue; choose another one")
+        return found
+
+    def open(self, recording_id: str, progress: Callable[[float], None] | None = None) -> Recording:
+        """The recording of an id, opened on the first call. Raises EtnetError and nothing else."""
+        entry = self.entry(recording_id)
+        with self._lock:
+            if recording_id in self._open:
+                self._open.move_to_end(recording_id)
+                return self._open[recording_id]
+            turn = self._opening.setdefault(recording_id, Lock())
+        with turn:
+            with self._lock:
+                if recording_id in self._open:
+                    return self._open[recording_id]
+            recording = self._read(entry, progress)
+            with self._lock:
+                self._open[recording_id] = recording
+                while len(self._open) > KEPT_OPEN:
+                    self._open.popitem(last=False)  # closed when its last user lets go of it
+            return recording
+
+    def close(self) -> None:
+        """Close every recording that is kept open."""
+        with self._lock:
+            kept, self._open = list(self._open.values()), OrderedDict()
+        for recording in kept:
+            recording.close()
+
+    def _read(self, entry: Entry, progress: Callable[[float], None] | None) -> Recording:
+        from etnet.events.open import open_recording
+        from etnet.events.view import View
+
+        try:
+            asked = self._config.downsample
+            recording = open_recording(entry.path, view=View(self._config.region, asked or 1), progress=progress)
+            factor = runnable_downsample(recording.sensor.num_pixels)
+            if asked is None and factor > 1:
+                whole = recording.sensor
+                recording.close()
+                recording = open_recording(entry.path, view=View(self._config.region, factor), progress=progress)
+                text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
+                recording = _with_remark(recording, Remark("assumed", text))
+        except EtnetError:
+            raise
+        except Exception as error:
+            raise RecordingError(f"{entry.path.name}: cannot be opened ({error})") from error
+        weakref.finalize(recording, recording.source.close)
+        return recording
+
+
+def suited_policy(recording: Recording) -> Policy:
+    """How to cut a recording nobody has said anything about: between its frames, else by density."""
+    truth = recording.ground_truth
+    return BetweenFrames() if truth is not None and len(truth) > 1 else ByDensity(DEFAULT_DENSITY)
+
+
+def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
+    """The least downsampling that brings a sensor to a size that runs; 4 for all that is larger."""
+    if num_pixels <= RUNNABLE_PIXELS:
+        return 1
+    return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
+
+
+def _with_remark(recording: Recording, remark: Remark) -> Recording:
+    return replace(recording, remarks=(*recording.remarks, remark))
+
+
+def _entries(config: ViewerConfig) -> Iterator[Entry]:
+    if config.file is not None:
+        yield _entry(config.file, "file", _size(config.file))
+    for path in samples():
+        yield _entry(path, "bundled", "simulated, with the frames of an ideal camera")
+    if config.data is not None:
+        for path in _recordings_in(config.data):
+            folder = path.parent.relative_to(config.data)
+            where = "" if folder == Path() else f"{folder} · "
+            yield _entry(path, "data", f"{where}{_size(path)}")
+
+
+def _entry(path: Path, kind: Kind, subtitle: str) -> Entry:
+    name = path.stem if kind == "bundled" else path.name or str(path)
+    return Entry(f"{kind}-{_digest(path)}", name, kind, subtitle, path)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(str(path.resolve()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    from etnet.events.formats.table import FORMATS
+
+    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix}
+    found: list[Path] = []
+    waiting = [folder]
+    while waiting and len(found) < MAX_ENTRIES:
+        try:
+            inside = sorted(waiting.pop(0).iterdir())
+        except OSError:
+            continue  # a folder we may not look into holds nothing for us
+        for path in inside:
+            if path.name.startswith("."):
+                continue
+            if path.is_dir():
+                is_recording = any((path / sign).is_file() for sign in _FOLDER_SIGNS)
+                (found if is_recording else waiting).append(path)
+            elif path.suffix.lower() in suffixes and path.name.lower() not in _BESIDE_EVENTS:
+                found.append(path)
+    return found[:MAX_ENTRIES]
+
+
+def _size(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+    except OSError:
+        return "cannot be read"
+    if path.is_dir():
+        return "folder"
+    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
+
+
+def _models(wanted: str) -> Iterator[ModelEntry]:
+    bundled = {path.stem: path for path in models()}
+    if wanted not in bundled:
+        # Read now, so that a wrong name is one line before the page is served and not a notice in it.
+        path = Path(wanted)
+        if not path.is_file():
+            known = ", ".join(bundled) or "none"
+            raise WeightsError(f"--model {wanted}: no such weights file or bundled model; bundled are {known}")
+        yield _model_entry(f"file-{_digest(path)}", path, path)
+    for name in sorted(bundled, key=lambda name: name != wanted):
+        yield _model_entry(name, bundled[name], name)
+
+
+def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
+    card = _card(path)
+    band = card.get("events_per_pixel")
+    warm_up = card.get("warm_up")
+    return ModelEntry(
+        id=model_id,
+        title=str(card.get("title", path.stem)),
+        subtitle="bundled" if source == path.stem else path.name,
+        is_linear_light=card.get("target_tone", "linear") == "linear",
+        trained_band=(float(band[0]), float(band[1])) if isinstance(band, list) and len(band) == 2 else None,
+        warm_up=int(warm_up) if isinstance(warm_up, (int, float)) else None,
+        source=source,
+    )
+
+
+def _card(path: Path) -> dict[str, Any]:
+    """A weights file's card without torch, which takes seconds to import."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="np") as file:
+            card = json.loads((file.metadata() or {}).get("card", "{}"))
+    except (SafetensorError, OSError, json.JSONDecodeError) as error:
+        raise WeightsError(
+            f"{path.name}: not a weights file that can be read ({error}); make one with `etnet convert`"
+        ) from None
+    return card if isinstance(card, dict) else {}

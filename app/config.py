@@ -1,0 +1,84 @@
+"""The viewer's command line: this dataclass is what `etnet-view` takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from app.intents import Precision
+from etnet.errors import EtnetError
+
+LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
+MIN_BUDGET = 64
+"""MB: room for a few states of the default network at 346×260."""
+
+
+class ConfigError(EtnetError):
+    """The viewer was asked for something that does not go together."""
+
+
+def _region(text: str) -> tuple[int, int, int, int]:
+    parts = text.split(",")
+    try:
+        x, y, width, height = (int(part) for part in parts)
+    except ValueError:
+        raise ConfigError(f"--roi {text}: wanted x,y,width,height in pixels, for example 40,20,240,180") from None
+    return x, y, width, height
+
+
+@dataclass(frozen=True)
+class ViewerConfig:
+    """Look inside event-camera recordings, and inside the network that turns them into images, in a browser."""
+
+    file: tyro.conf.Positional[Path | None] = None
+    """A recording: a file, a folder or a zip. Without it a bundled one is shown."""
+    data: Path | None = None
+    """A folder whose recordings are offered in the page."""
+    model: str = "etnet-half"
+    """A bundled model's name, or a weights file."""
+    device: str = "cpu"
+    """Where the network runs: cpu, cuda, cuda:1 …"""
+    precision: Precision = "auto"
+    """auto takes the faster of fp32 and bf16 on this machine."""
+    host: str = "127.0.0.1"
+    """Where to listen. Any host but this machine's own needs --token."""
+    port: int = 8080
+    """Where to listen; the next free port is taken if it is busy."""
+    token: str | None = None
+    """What visitors must give as ?token=… in the address."""
+    public_url: str | None = None
+    """The address by which a proxy in front of the viewer is reached."""
+    budget: Annotated[int, tyro.conf.arg(metavar="MB")] = 1024
+    """Memory for frames and recurrent states of all visitors, in MB."""
+    threads: int | None = None
+    """Threads for the network; as many as torch likes by default. Frames are exact for one number of threads."""
+    roi: Annotated[str | None, tyro.conf.arg(metavar="X,Y,W,H")] = None
+    """Show a region of the sensor only, in pixels."""
+    downsample: Literal[1, 2, 4] | None = None
+    """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.port <= 65_535:
+            raise ConfigError(f"--port {self.port}: wanted 0 … 65,535 (0 takes any free port)")
+        if self.budget < MIN_BUDGET:
+            raise ConfigError(f"--budget {self.budget}: wanted at least {MIN_BUDGET} MB")
+        if self.threads is not None and self.threads < 1:
+            raise ConfigError(f"--threads {self.threads}: wanted at least 1")
+        if self.host not in LOOPBACK_HOSTS and not self.token:
+            raise ConfigError(f"--host {self.host}: others could reach the viewer; give --token SECRET with it")
+        if self.data is not None and not self.data.is_dir():
+            raise ConfigError(f"--data {self.data}: there is no such folder")
+        _ = self.region
+
+    @property
+    def region(self) -> tuple[int, int, int, int] | None:
+        """`roi` as numbers: x, y, width, height."""
+        return None if self.roi is None else _region(self.roi)
+
+    @property
+    def budget_bytes(self) -> int:
+        """The budget in bytes."""
+        return self.budget << 20

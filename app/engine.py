@@ -1,0 +1,309 @@
+"""The engine: one thread runs the model for all visitors. Nobody waits for it; it calls when something is there."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass
+from threading import Thread
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.prefetch import Prefetcher
+from app.studio import Library, Loader, Pace, Stage, Studio, is_exact
+from app.wishbook import Deliver, Turn, WishBook
+from app.wishes import Failed, Ready, Reply, Wish, Working
+from etnet.errors import Cancelled, EtnetError, ModelError, WindowError
+from etnet.nets.intervention import ORIGINAL
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from etnet.nets.attention import Attention
+    from etnet.playback.playback import CacheReport
+
+QUANTUM = 0.4
+"""Seconds of work on one visitor's wish after which others get their turn; doubles with each turn of that wish."""
+PATIENCE = 1_000.0
+"""A seek that will take longer (ms) shows an approximate frame first."""
+SLOW_STEP = 2_000.0
+"""A step expected to take longer (ms) is announced before the first one."""
+REPORT_INTERVAL = 0.2
+"""Seconds between two reports of what is cached while a seek runs."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class EngineStatus:
+    """How the engine fares with one kind of wish."""
+
+    is_loading: bool
+    step_milliseconds: float | None
+    """One encode and one decode, measured; `None` before the first."""
+    precision: str | None
+    """What "auto" has become: "fp32" or "bf16"; `None` before the model is loaded."""
+    num_waiting: int
+    """Wishes of all visitors that are not granted yet."""
+
+
+class Engine:
+    """Grants wishes: newest of each visitor, in turn. `deliver` is called on the engine's thread and must be quick."""
+
+    def __init__(
+        self,
+        library: Library,
+        budget_bytes: int,
+        threads: int | None = None,
+        device: str = "cpu",
+        load: Loader | None = None,
+        prefetches: bool = True,
+    ) -> None:
+        self._studio = Studio(library, budget_bytes, device, threads, load)
+        self._book = WishBook()
+        self._prefetcher = Prefetcher(self._studio, self._book) if prefetches else None
+        self._to_prepare: tuple[str, str] | None = None
+        self._is_stopping = False
+        self._is_loading = False
+        self._reports: dict[tuple[object, ...], CacheReport] = {}
+        self._paces: dict[tuple[object, ...], Pace] = {}
+        self._precisions: dict[tuple[str, str], str] = {}
+        self._reported_at = 0.0
+        self._thread = Thread(target=self._run, daemon=True, name="engine")
+        self._thread.start()
+
+    # What other threads may call; none of it waits for the model.
+
+    def request(self, visitor: str, wish: Wish, deliver: Deliver) -> None:
+        """Wish for something; the visitor's former wish, if it is not granted yet, is dropped."""
+        self._book.put(visitor, wish, deliver)
+
+    def drop(self, visitor: str) -> None:
+        """Forget a visitor who has left; work for him ends after the step that runs."""
+        self._book.drop(visitor)
+
+    def prepare(self, model_id: str, precision: str) -> None:
+        """Load a model as soon as nobody waits, so that the first wish finds it."""
+        with self._book.changed:
+            self._to_prepare = (model_id, precision)
+            self._book.changed.notify_all()
+
+    def stop(self) -> None:
+        """End the thread after the step that runs, and wait for that."""
+        with self._book.changed:
+            self._is_stopping = True
+            self._book.changed.notify_all()
+        self._thread.join()
+
+    def cached(self, wish: Wish) -> CacheReport | None:
+        """Which frames and states are held for a wish's recording, model and windows; `None` before any."""
+        return self._reports.get(wish.playback)
+
+    def status(self, wish: Wish) -> EngineStatus:
+        """How the engine fares with wishes like this one."""
+        pace = self._paces.get(wish.playback)
+        precision = self._precisions.get((wish.model_id, wish.precision))
+        return EngineStatus(self._is_loading, pace.step if pace else None, precision, self._book.num_waiting)
+
+    # What runs on the engine's thread.
+
+    def _run(self) -> None:
+        while True:
+            with self._book.changed:
+                while not (self._is_stopping or self._has_work()):
+                    self._book.changed.wait()
+                if self._is_stopping:
+                    return
+            turn = self._book.next_turn()
+            if turn is not None:
+                self._serve(turn)
+            elif self._to_prepare is not None:
+                self._prepare_model()
+            elif self._prefetcher is not None:
+                self._prefetcher.work(self._is_wanted_elsewhere, self._report)
+
+    def _has_work(self) -> bool:
+        prefetches = self._prefetcher is not None and self._prefetcher.has_work()
+        return bool(self._book.num_waiting or self._to_prepare or prefetches)
+
+    def _serve(self, turn: Turn) -> None:
+        try:
+            self._grant(turn)
+        except Cancelled:
+            return  # replaced by a newer wish, dropped, or another visitor's turn: it stays in the book if wanted
+        except EtnetError as error:
+            self._fail(turn, str(error))
+        except MemoryError:
+            self._fail(turn, "out of memory; start the viewer with a smaller --budget or with --downsample 2")
+        except Exception as error:
+            _log.exception("a wish failed: %s", turn.wish)
+            self._fail(turn, f"something unexpected went wrong ({type(error).__name__}: {error})")
+
+    def _grant(self, turn: Turn) -> None:
+        wish, began = turn.wish, time.perf_counter()
+        stage = self._stage(turn)
+        if not 0 <= wish.index < len(stage.windows):
+            raise WindowError(f"window {wish.index} does not exist; this plan has {len(stage.windows)}")
+        if wish.intervention.changes_memory:
+            raise ModelError("this change is carried on in the network's memory; it needs a window to begin at")
+        attention = self._studio.attention(wish) if wish.wants_attention else None
+        frame = stage.playback.frame(wish.index, wish.intervention)
+        if frame is not None:
+            ready = _ready(stage, wish, frame, attention, began)
+            if attention is not None or not wish.wants_attention:
+                self._finish(turn, ready)
+                return
+            self._say(turn, ready)
+        elif turn.num_turns == 1:
+            self._preview(turn, stage)
+        step = self._exact_step(turn, stage)
+        if step.attention is not None:
+            self._studio.keep_attention(wish, step.attention)
+        self._finish(turn, _ready(stage, wish, step.frame, step.attention, began))
+
+    def _stage(self, turn: Turn) -> Stage:
+        wish = turn.wish
+        stage = self._studio.held_stage(wish)
+        if stage is None:
+            loads = not self._studio.has_model(wish)
+            what = "loading the network" if loads else "opening the recording"
+            self._say(turn, Working(wish, 0, 0, what))
+            self._is_loading = loads
+            try:
+                self._studio.start()
+                stage = self._studio.stage(wish)
+            finally:
+                self._is_loading = False
+            self._note_precision(wish.model_id, wish.precision)
+            held = self._studio.held_keys()
+            self._reports = {key: report for key, report in self._reports.items() if key in held}
+            self._paces = {**{key: pace for key, pace in self._paces.items() if key in held}, wish.playback: stage.pace}
+            if stage.expected_step > SLOW_STEP:
+                seconds = stage.expected_step / 1000
+                size = stage.playback.recording.sensor
+                self._say(turn, Working(wish, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
+        return self._studio.stage(wish)
+
+    def _preview(self, turn: Turn, stage: Stage) -> None:
+        """Show an approximate frame before a long seek."""
+        wish = turn.wish
+        num_replayed = stage.playback.plan(wish.index).num_replayed
+        is_long = stage.pace.seek(num_replayed) > PATIENCE and num_replayed > 2 * stage.warm_up
+        if not is_long or wish.intervention != ORIGINAL:
+            return
+        began = time.perf_counter()
+        step = stage.playback.approximate(wish.index, stage.warm_up, lambda: self._is_stale(turn))
+        self._say(turn, _ready(stage, wish, step.frame, None, began, is_approximate=True))
+
+    def _exact_step(self, turn: Turn, stage: Stage):
+        from etnet.nets.attention import AttentionProbe
+
+        wish, playback = turn.wish, stage.playback
+        clock = [time.perf_counter()]
+        encodes: list[float] = []
+
+        def progress(done: int, total: int) -> None:
+            now = time.perf_counter()
+            encodes.append((now - clock[0]) * 1000)
+            clock[0] = now
+            if total > 1:
+                self._say(turn, Working(wish, done, total, "replaying"))
+            self._report(wish, stage, at_once=False)
+
+        try:
+            probe = AttentionProbe() if wish.wants_attention else None
+            step = playback.at(wish.index, probe, wish.intervention, lambda: self._must_yield(turn), progress)
+        finally:
+            stage.pace.note(float(np.median(encodes)) if encodes else None, None)
+            self._report(wish, stage)
+        stage.pace.note(None, (time.perf_counter() - clock[0]) * 1000)
+        stage.state_bytes = step.state.nbytes
+        return step
+
+    def _is_stale(self, turn: Turn) -> bool:
+        return self._is_stopping or not self._book.is_wanted(turn)
+
+    def _must_yield(self, turn: Turn) -> bool:
+        """Asked between steps: nobody wants this, or others have waited long enough. What was laid is kept."""
+        if self._is_stale(turn):
+            return True
+        is_long = time.monotonic() - turn.began > QUANTUM * 2 ** (turn.num_turns - 1)
+        return is_long and self._book.others_wait(turn)
+
+    def _finish(self, turn: Turn, reply: Reply) -> None:
+        if self._book.settle(turn):
+            _deliver(turn, reply)
+
+    def _say(self, turn: Turn, reply: Reply) -> None:
+        if self._book.is_wanted(turn):
+            _deliver(turn, reply)
+
+    def _fail(self, turn: Turn, message: str) -> None:
+        self._finish(turn, Failed(turn.wish, message))
+
+    def _report(self, wish: Wish, stage: Stage, at_once: bool = True) -> None:
+        """Publish what is cached, as a value that other threads may read."""
+        now = time.monotonic()
+        if at_once or now - self._reported_at > REPORT_INTERVAL:
+            self._reported_at = now
+            self._reports[wish.playback] = stage.playback.cached()
+
+    # While nobody waits.
+
+    def _prepare_model(self) -> None:
+        assert self._to_prepare is not None
+        model_id, precision = self._to_prepare
+        self._to_prepare = None
+        self._is_loading = True
+        try:
+            self._studio.start()
+            self._studio.model(model_id, precision)
+            self._note_precision(model_id, precision)
+        except Exception:
+            _log.info("preparing %s failed; the first wish will say why", model_id, exc_info=True)
+        finally:
+            self._is_loading = False
+
+    def _note_precision(self, model_id: str, precision: str) -> None:
+        model, _ = self._studio.model(model_id, precision)
+        runtime = getattr(model, "runtime", None)
+        self._precisions[model_id, precision] = runtime.precision if runtime else "fp32"
+
+    def _is_wanted_elsewhere(self) -> bool:
+        return self._is_stopping or self._book.num_waiting > 0
+
+
+def _ready(
+    stage: Stage,
+    wish: Wish,
+    frame: Tensor,
+    attention: Attention | None,
+    began: float,
+    is_approximate: bool = False,
+) -> Ready:
+    return Ready(
+        wish=wish,
+        frame=_array(frame),
+        attention=attention,
+        milliseconds=(time.perf_counter() - began) * 1000,
+        is_exact=not is_approximate and is_exact(stage, wish),
+        is_approximate=is_approximate,
+        is_cold=wish.index < stage.warm_up,
+        contract=stage.contract,
+        num_warm=min(wish.index, stage.warm_up) if is_approximate else wish.index,
+    )
+
+
+def _array(frame: Tensor) -> Float32[np.ndarray, "h w"]:
+    array = frame[0, 0].float().cpu().numpy()
+    array.flags.writeable = False
+    return array
+
+
+def _deliver(turn: Turn, reply: Reply) -> None:
+    try:
+        turn.deliver(reply)
+    except Exception:
+        _log.info("a reply could not be delivered to %s", turn.visitor, exc_info=True)

@@ -1,0 +1,77 @@
+"""The few pieces of HTML that all panels are built of. Every text that comes from outside passes `escape`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+__all__ = ["chip", "empty", "escape", "legend", "marker", "panel", "picture", "swatch"]
+
+
+def panel(name: str, *parts: str, style: str = "") -> str:
+    """One panel's content. `name` is its test id and class."""
+    css = f' style="{style}"' if style else ""
+    return f'<div class="et et-{name}" data-testid="{name}"{css}>{"".join(parts)}</div>'
+
+
+def picture(
+    url: str,
+    alt: str,
+    *,
+    key: str = "",
+    on_pick: str = "",
+    marks: Iterable[str] = (),
+    classes: str = "",
+    size: tuple[int, int] | None = None,
+    style: str = "",
+) -> str:
+    """An image in a frame. `key` names it (`data-k`) for the pick channel, whose attribute `on_pick` is trusted.
+
+    `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click.
+    """
+    measures = f' width="{size[0]}" height="{size[1]}"' if size else ""
+    picking = f' data-k="{escape(key)}" {on_pick}' if on_pick else ""
+    css = f' style="{style}"' if style else ""
+    pickable = " et-pick" if on_pick else ""
+    return (
+        f'<span class="et-picture{pickable} {classes}"{css}>'
+        f'<img src="{url}" alt="{escape(alt)}"{measures}{picking} draggable="false">{"".join(marks)}</span>'
+    )
+
+
+def marker(x: float, y: float) -> str:
+    """A cross at fractions (x, y) of the picture."""
+    return f'<i class="et-cross" data-testid="query" style="left:{x:.2%};top:{y:.2%}"></i>'
+
+
+def legend(title: str, gradient: str, ticks: Sequence[tuple[float, str]]) -> str:
+    """A colour scale with numbers under it: ticks are (fraction, text)."""
+    labels = "".join(f'<span class="{_side(at)}" style="left:{at:.2%}">{escape(text)}</span>' for at, text in ticks)
+    return (
+        f'<div class="et-legend"><div class="et-legend-title">{escape(title)}</div>'
+        f'<div class="et-legend-bar" style="background:{gradient}"></div>'
+        f'<div class="et-legend-ticks">{labels}</div></div>'
+    )
+
+
+def _side(at: float) -> str:
+    return "et-tick-first" if at <= 0.02 else "et-tick-last" if at >= 0.98 else "et-tick"
+
+
+def swatch(colour: str, text: str) -> str:
+    """A dot of one colour and what it means."""
+    return f'<span class="et-swatch"><i style="background:{colour}"></i>{escape(text)}</span>'
+
+
+def chip(text: str, kind: str, title: str = "") -> str:
+    """A small badge; `kind` is exact, warning, problem or plain."""
+    hint = f' title="{escape(title)}"' if title else ""
+    return f'<span class="et-chip et-{kind}" data-testid="chip-{kind}"{hint}>{escape(text)}</span>'
+
+
+def empty(headline: str, explanation: str) -> str:
+    """What a panel says when it has nothing to show, and why."""
+    return (
+        f'<div class="et-empty" data-testid="empty"><strong>{escape(headline)}</strong>'
+        f"<span>{escape(explanation)}</span></div>"
+    )

@@ -1,0 +1,66 @@
+"""Numbers and names in plain words, the same everywhere on the page."""
+
+from __future__ import annotations
+
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+
+
+def count(number: int) -> str:
+    """12,345."""
+    return f"{number:,}"
+
+
+def short(value: float) -> str:
+    """Three significant digits without an exponent where it is readable: 0.035, 1.49, 12,300."""
+    if value == 0:
+        return "0"
+    if abs(value) >= 1000:
+        return f"{value:,.0f}"
+    return f"{value:.3g}" if abs(value) >= 1e-3 else f"{value:.1e}"
+
+
+def seconds(value: float, digits: int = 3) -> str:
+    """0.620 s, or 1 min 02.5 s for long ones."""
+    if value < 60:
+        return f"{value:.{digits}f} s"
+    minutes, rest = divmod(value, 60)
+    return f"{int(minutes)} min {rest:0{digits + 3}.{digits}f} s"
+
+
+def milliseconds(value: float) -> str:
+    """310 ms, 4.2 ms, 2.31 s."""
+    if value >= 1000:
+        return f"{value / 1000:.2f} s"
+    return f"{value:.0f} ms" if value >= 10 else f"{value:.1f} ms"
+
+
+def rate(events_per_second: float) -> str:
+    """640 k events/s."""
+    for size, name in ((1e9, " G"), (1e6, " M"), (1e3, " k")):
+        if events_per_second >= size:
+            return f"{events_per_second / size:.3g}{name} events/s"
+    return f"{events_per_second:.0f} events/s"
+
+
+def policy(chosen: Policy) -> str:
+    """How the events are cut into windows."""
+    match chosen:
+        case BetweenFrames():
+            return "from camera frame to camera frame"
+        case ByCount(num_events):
+            return f"every {count(num_events)} events"
+        case ByDensity(events_per_pixel):
+            return f"every {short(events_per_pixel)} events per pixel"
+        case ByDuration():
+            overlap = "" if chosen.step == chosen.duration else f", one each {milliseconds(chosen.step / 1000)}"
+            return f"every {milliseconds(chosen.duration / 1000)}{overlap}"
+
+
+def resolution(scale: int) -> str:
+    """The paper's scale index → what part of the sensor's resolution it has: 1 → "1/2"."""
+    return f"1/{2**scale}"
+
+
+def fraction(value: float) -> str:
+    """Powers of two below one as fractions: 1/4, 1/2, 1, 8."""
+    return f"1/{round(1 / value)}" if value < 1 else f"{value:g}"

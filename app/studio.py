@@ -1,0 +1,233 @@
+"""The side of the engine that knows torch: models, playbacks and the one budget of bytes they share.
+
+Used by the engine's thread alone. torch is imported on the first call, never before.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from app.catalogue import ModelEntry
+from app.wishes import Wish
+from etnet.errors import WindowError
+from etnet.events.recording import Recording
+from etnet.nets.intervention import ORIGINAL
+from etnet.windows import Window, plan_windows
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+    from etnet.nets.runtime import Contract
+    from etnet.playback.playback import Playback
+
+WARM_UP = 20
+"""Windows after which a cold start is called warm, for models whose card does not say."""
+KEPT_MODELS = 2
+KEPT_PLAYBACKS = 4
+ATTENTION_SHARE = 0.125
+"""Of the byte budget, for the queries and keys of the frames last asked for."""
+
+_TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
+_GROWTH = 1.2
+"""A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
+
+Loader = Callable[[ModelEntry, str, str], Any]
+"""(model entry, precision, device) → a reconstructor that is ready to run."""
+
+
+class Library(Protocol):
+    """Where recordings and models come from: the catalogue, or a test's stand-in."""
+
+    def open(self, recording_id: str) -> Recording:
+        """The recording of an id."""
+        ...
+
+    def model(self, model_id: str) -> ModelEntry:
+        """The model of an id."""
+        ...
+
+
+@dataclass(eq=False, slots=True)
+class Pace:
+    """How long encoding and decoding take, ms: running means over what was really done."""
+
+    encode: float | None = None
+    decode: float | None = None
+
+    def note(self, encode: float | None, decode: float | None) -> None:
+        """Add a measurement; the mean follows it by a third."""
+        self.encode = _follow(self.encode, encode)
+        self.decode = _follow(self.decode, decode)
+
+    @property
+    def step(self) -> float | None:
+        """One whole step, ms; `None` before both halves were measured."""
+        return None if self.encode is None or self.decode is None else self.encode + self.decode
+
+    def seek(self, num_replayed: int) -> float:
+        """What a seek over so many windows will take, ms; 0 while nothing was measured."""
+        return (self.encode or 0.0) * num_replayed + (self.decode or 0.0)
+
+
+@dataclass(eq=False, slots=True)
+class Stage:
+    """One playback with what the engine has to know of it."""
+
+    playback: Playback
+    contract: Contract
+    warm_up: int
+    pace: Pace
+    expected_step: float
+    """Estimated from a small trial before the first step, ms."""
+    state_bytes: int = 0
+
+    @property
+    def windows(self) -> Sequence[Window]:
+        """The windows it plays."""
+        return self.playback.windows
+
+    @property
+    def num_states(self) -> int:
+        """States that fit into its budget; 0 while a state's size is not known."""
+        from etnet.playback.playback import STATE_SHARE
+
+        return int(self.playback.budget_bytes * STATE_SHARE) // self.state_bytes if self.state_bytes else 0
+
+
+class Studio:
+    """Loads models, keeps the playbacks that were used last, and divides the budget among them."""
+
+    def __init__(
+        self, library: Library, budget_bytes: int, device: str, threads: int | None, load: Loader | None = None
+    ) -> None:
+        self._library = library
+        self._budget_bytes = budget_bytes
+        self._device = device
+        self._threads = threads
+        self._load = load or _load
+        self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
+        self._stages: OrderedDict[tuple[object, ...], Stage] = OrderedDict()
+        self._attention: OrderedDict[tuple[object, ...], Attention] = OrderedDict()
+        self._attention_bytes = 0
+
+    def start(self) -> None:
+        """Import torch and set its threads, for this thread and process."""
+        import torch
+
+        if self._threads is not None:
+            torch.set_num_threads(self._threads)
+
+    def has_model(self, wish: Wish) -> bool:
+        """Whether the model of a wish is loaded."""
+        return (wish.model_id, wish.precision) in self._models
+
+    def model(self, model_id: str, precision: str) -> tuple[Any, float]:
+        """A model, loaded if need be, and the time of its trial step at 128×96, ms."""
+        key = (model_id, precision)
+        if key not in self._models:
+            model = self._load(self._library.model(model_id), precision, self._device)
+            self._models[key] = (model, _trial_milliseconds(model))
+            while len(self._models) > KEPT_MODELS:
+                gone, _ = self._models.popitem(last=False)
+                self._let_go([name for name in self._stages if (name[1], name[2]) == gone])
+        self._models.move_to_end(key)
+        return self._models[key]
+
+    def stage(self, wish: Wish) -> Stage:
+        """The playback for a wish, made if need be. Raises EtnetError where recording, windows or model do not fit."""
+        key = wish.playback
+        if key not in self._stages:
+            self._stages[key] = self._new_stage(wish)
+            self._let_go(list(self._stages)[:-KEPT_PLAYBACKS])
+            self._divide()
+        self._stages.move_to_end(key)
+        return self._stages[key]
+
+    def held_stage(self, wish: Wish) -> Stage | None:
+        """The playback for a wish if there is one; makes none."""
+        return self._stages.get(wish.playback)
+
+    def held_keys(self) -> frozenset[tuple[object, ...]]:
+        """Which playbacks are kept, by `Wish.playback`."""
+        return frozenset(self._stages)
+
+    def attention(self, wish: Wish) -> Attention | None:
+        """The attention of a wish's frame, if it is still held."""
+        key = (*wish.playback, wish.index, wish.intervention)
+        if key in self._attention:
+            self._attention.move_to_end(key)
+        return self._attention.get(key)
+
+    def keep_attention(self, wish: Wish, attention: Attention) -> None:
+        """Hold a frame's attention for whoever asks next; the oldest go when their share of the budget is full."""
+        key = (*wish.playback, wish.index, wish.intervention)
+        if key not in self._attention:
+            self._attention_bytes += attention.nbytes
+        self._attention[key] = attention
+        while len(self._attention) > 1 and self._attention_bytes > self._budget_bytes * ATTENTION_SHARE:
+            self._attention_bytes -= self._attention.popitem(last=False)[1].nbytes
+
+    def _new_stage(self, wish: Wish) -> Stage:
+        from etnet.nets.runtime import contract_of
+        from etnet.playback.playback import Playback
+
+        recording = self._library.open(wish.recording_id)
+        windows = plan_windows(recording, wish.policy)
+        if not windows:
+            raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
+        model, trial = self.model(wish.model_id, wish.precision)
+        playback = Playback(model, recording, windows, self._budget_bytes)
+        warm_up = self._library.model(wish.model_id).warm_up or WARM_UP
+        growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
+        return Stage(playback, contract_of(model), warm_up, Pace(), trial * growth)
+
+    def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
+        for key in keys:
+            del self._stages[key]
+            for held in [name for name in self._attention if name[:4] == key]:
+                self._attention_bytes -= self._attention.pop(held).nbytes
+        if keys:
+            self._divide()
+
+    def _divide(self) -> None:
+        share = int(self._budget_bytes * (1 - ATTENTION_SHARE)) // max(len(self._stages), 1)
+        for stage in self._stages.values():
+            stage.playback.budget_bytes = share
+
+
+def is_exact(stage: Stage, wish: Wish) -> bool:
+    """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
+    from etnet.nets.runtime import contract_of
+
+    return wish.intervention == ORIGINAL and contract_of(stage.playback.model) == stage.contract  # pyright: ignore
+
+
+def _load(entry: ModelEntry, precision: str, device: str) -> Any:
+    from etnet.nets.weights import load_model
+
+    return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
+
+
+def _trial_milliseconds(model: Any) -> float:
+    """The faster of two steps over an empty 128×96 window, ms."""
+    import torch
+
+    device = next(model.parameters()).device
+    voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
+    times: list[float] = []
+    with torch.inference_mode():
+        for _ in range(2):
+            began = time.perf_counter()
+            pyramid, _ = model.encode(voxel, None, ORIGINAL)
+            model.decode(pyramid, None, ORIGINAL)
+            times.append((time.perf_counter() - began) * 1000)
+    return min(times)
+
+
+def _follow(mean: float | None, value: float | None) -> float | None:
+    if value is None or mean is None:
+        return mean if value is None else value
+    return mean + (value - mean) / 3

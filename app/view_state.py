@@ -1,0 +1,197 @@
+"""All that one visitor's page depends on, as a value, and the one pure function that changes it."""
+
+from __future__ import annotations
+
+import bisect
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+from app import intents as ask
+from etnet.events.events import Sensor
+from etnet.windows import Policy, Window
+
+SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
+"""Recording seconds per second that the transport offers."""
+NUM_HEADS_CAP = 64
+SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the open recording allows. Before it is open nothing is known, and an index is left as it is."""
+
+    sensor: Sensor | None = None
+    windows: Sequence[Window] | None = None
+    start: int = 0
+    """Stamp of the recording's first event, µs: second 0 of the timeline."""
+
+    def clamp_index(self, index: int) -> int:
+        """The nearest window that exists."""
+        if self.windows is None:
+            return max(index, 0)
+        return min(max(index, 0), max(len(self.windows) - 1, 0))
+
+    def index_at(self, t: int) -> int:
+        """The window whose frame stamp (`t_stop`) is nearest to `t` µs; the earlier of two equally near."""
+        if not self.windows:
+            return 0
+        after = bisect.bisect_left(self.windows, t, key=lambda window: window.t_stop)
+        if after == 0 or after == len(self.windows):
+            return self.clamp_index(after)
+        earlier, later = self.windows[after - 1].t_stop, self.windows[after].t_stop
+        return after if later - t < t - earlier else after - 1
+
+
+@dataclass(frozen=True, slots=True)
+class ViewState:
+    """One visitor's view. Equal states show equal pages."""
+
+    recording_id: str = ""
+    model_id: str = ""
+    precision: ask.Precision = "auto"
+    policy: Policy | None = None
+    """`None` until the recording is open, which then says what suits it."""
+    index: int = 0
+    moment: int | None = None
+    """Stamp (µs) to return to once the windows are planned anew."""
+    is_playing: bool = False
+    speed: float = 0.1
+    waits_for_frames: bool = False
+    loops: bool = True
+    workspace: ask.Workspace = "inspect"
+    query: tuple[int, int] | None = None
+    """Pixel (x, y) of the sensor whose attention is shown."""
+    site: str = "scale1.encoder.2.self"
+    head: int | None = None
+    """`None` is the mean of all heads."""
+    opens_heads: bool = False
+    event_image: ask.EventImage = "polarity"
+    tone: ask.Tone = "auto"
+    overlay: float = 0.8
+    map_range: ask.MapRange = "shared"
+    camera: ask.Camera = "orbit"
+    shows_events: bool = True
+    voxel_bin: int | None = None
+
+
+def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
+    """The state after `intent`, every value inside `limits`. Nothing else may change a view."""
+    return (
+        _reduce_playback(state, intent, limits)
+        or _reduce_source(state, intent, limits)
+        or _reduce_look(state, intent, limits)
+    )
+
+
+def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState | None:
+    match intent:
+        case ask.Seek(index):
+            return replace(state, index=limits.clamp_index(index), is_playing=False)
+        case ask.Move(num_windows):
+            return replace(state, index=limits.clamp_index(state.index + num_windows), is_playing=False)
+        case ask.SeekFraction(fraction):
+            last = len(limits.windows or ()) - 1
+            return replace(state, index=limits.clamp_index(round(_unit(fraction) * last)), is_playing=False)
+        case ask.SeekTime(seconds):
+            t = limits.start + round(min(max(_finite(seconds), 0.0), 1e9) * 1e6)
+            return replace(state, index=limits.index_at(t), is_playing=False)
+        case ask.TogglePlay():
+            is_at_end = limits.windows is not None and state.index >= len(limits.windows) - 1
+            restarts = not state.is_playing and is_at_end
+            return replace(state, index=0 if restarts else state.index, is_playing=not state.is_playing)
+        case ask.PlayTo(index):
+            if not state.is_playing:
+                return state
+            if limits.windows is not None and index >= len(limits.windows):
+                return (
+                    replace(state, index=0)
+                    if state.loops
+                    else replace(state, index=limits.clamp_index(index), is_playing=False)
+                )
+            return replace(state, index=limits.clamp_index(index))
+        case ask.ChooseSpeed(speed, waits_for_frames):
+            return replace(state, speed=_clamped(speed, 1e-4, 16.0), waits_for_frames=waits_for_frames)
+        case ask.SetLoop(loops):
+            return replace(state, loops=loops)
+    return None
+
+
+def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState | None:
+    match intent:
+        case ask.OpenRecording(recording_id):
+            if recording_id == state.recording_id:
+                return state
+            return replace(
+                state, recording_id=recording_id, policy=None, index=0, moment=None, query=None, is_playing=False
+            )
+        case ask.ChooseModel(model_id):
+            return replace(state, model_id=model_id)
+        case ask.ChoosePrecision(precision):
+            return replace(state, precision=precision)
+        case ask.ChoosePolicy(policy):
+            if policy == state.policy:
+                return state
+            shown = limits.windows[limits.clamp_index(state.index)] if limits.windows else None
+            moment = shown.t_stop if shown else state.moment
+            return replace(state, policy=policy, moment=moment, is_playing=False)
+        case ask.Settle(policy):
+            index = state.index if state.moment is None else limits.index_at(state.moment)
+            settled = replace(state, policy=policy, index=limits.clamp_index(index), moment=None)
+            return settled if state.query is None else reduce(settled, ask.Query(*state.query), limits)
+    return None
+
+
+def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
+    match intent:
+        case ask.Query(x, y):
+            width, height = (limits.sensor.width, limits.sensor.height) if limits.sensor else (65_536, 65_536)
+            return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)))
+        case ask.QueryFraction(x, y):
+            if limits.sensor is None:
+                return state
+            pixel = ask.Query(int(_unit(x) * limits.sensor.width), int(_unit(y) * limits.sensor.height))
+            return reduce(state, pixel, limits)
+        case ask.ShowWorkspace(workspace):
+            # The attention workspace is a flat view of one map; the others look into the window's depth.
+            return replace(state, workspace=workspace, camera="front" if workspace == "attention" else "orbit")
+        case ask.ChooseSite(site):
+            return replace(state, site=site) if SITE_PATTERN.fullmatch(site) else state
+        case ask.ChooseHead(head):
+            return replace(state, head=None if head is None else min(max(head, 0), NUM_HEADS_CAP - 1))
+        case ask.OpenHeads(is_open):
+            return replace(state, opens_heads=is_open)
+        case ask.ChooseEventImage(event_image):
+            return replace(state, event_image=event_image)
+        case ask.ChooseTone(tone):
+            return replace(state, tone=tone)
+        case ask.SetOverlay(opacity):
+            return replace(state, overlay=_unit(opacity))
+        case ask.ChooseMapRange(map_range):
+            return replace(state, map_range=map_range)
+        case ask.ChooseCamera(camera):
+            return replace(state, camera=camera)
+        case ask.ShowEvents(is_shown):
+            return replace(state, shows_events=is_shown)
+        case ask.OpenBin(voxel_bin):
+            return replace(state, voxel_bin=None if voxel_bin is None else min(max(voxel_bin, 0), 31))
+    return state
+
+
+def choices(alias: object) -> tuple[str, ...]:
+    """The words of a `Literal`, in order: what a dropdown offers and what a stored state may hold."""
+    return get_args(alias)
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
+
+
+def _clamped(value: float, low: float, high: float) -> float:
+    return min(max(_finite(value), low), high)
+
+
+def _unit(value: float) -> float:
+    return _clamped(value, 0.0, 1.0)

@@ -1,0 +1,81 @@
+"""What a visitor wishes to see of the model, and what comes back: plain values that cross threads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.intents import Precision
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.windows import Policy
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+    from etnet.nets.runtime import Contract
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One window's reconstruction, by one model, under one plan of windows. Equal wishes have equal frames."""
+
+    recording_id: str
+    model_id: str
+    precision: Precision
+    policy: Policy
+    index: int
+    wants_attention: bool = False
+    intervention: Intervention = ORIGINAL
+
+    @property
+    def playback(self) -> tuple[str, str, Precision, Policy]:
+        """What shares one playback: everything but the index."""
+        return self.recording_id, self.model_id, self.precision, self.policy
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A frame: the network's raw, unclipped output at sensor size.
+
+    `milliseconds` is what this reply took (almost nothing for a cached frame). `is_exact`: equal, bit for bit, to the
+    sequential run under `contract`. `is_approximate`: a preview from a cold start `num_warm` windows earlier.
+    `is_cold`: fewer windows lie behind this frame than the network needs to warm up.
+    """
+
+    wish: Wish
+    frame: Float32[np.ndarray, "h w"]
+    attention: Attention | None
+    milliseconds: float
+    is_exact: bool
+    is_approximate: bool
+    is_cold: bool
+    contract: Contract
+    num_warm: int
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What tells this frame's pixels from any other's; pictures of it are shared by this."""
+        return (*self.wish.playback, self.wish.index, self.wish.intervention, self.is_approximate, self.contract)
+
+
+@dataclass(frozen=True, slots=True)
+class Working:
+    """The wish is being worked on: `done` of `total` windows, and what is being done in plain words."""
+
+    wish: Wish
+    done: int
+    total: int
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The wish cannot be granted; `message` says why and what to do."""
+
+    wish: Wish
+    message: str
+
+
+Reply = Ready | Working | Failed
