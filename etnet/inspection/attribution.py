@@ -64,12 +64,13 @@ def attribute(
     taken = {
         i: window_events(playback.recording, playback.windows[i], playback.edit_at(i)) for i in range(first, index + 1)
     }
-    with torch.enable_grad():
-        voxels = [
-            voxel_grid(events, playback.model.bins).to(_device(playback)).requires_grad_() for events in taken.values()
-        ]
-        value = _pixel(playback, first, voxels, state, (x, y), cancelled)
-        gradients = torch.autograd.grad(value, voxels)
+    with torch.inference_mode(False), torch.enable_grad():
+        grids = [voxel_grid(events, playback.model.bins).to(_device(playback)) for events in taken.values()]
+        voxels = [grid.requires_grad_() for grid in grids]
+        known = None if state is None else state.clone()  # tensors made in inference mode know no gradient
+        value = _pixel(playback, first, voxels, known, (x, y), cancelled)
+        # A frozen state cuts the window off from the pixel: its gradient is zero then.
+        gradients = torch.autograd.grad(value, voxels, materialize_grads=True)
     windows = [
         WindowShare(i, events, event_weights(events, gradient.cpu()), gradient.cpu())
         for (i, events), gradient in zip(taken.items(), gradients, strict=True)
@@ -153,11 +154,11 @@ def _pixel(
 def _start(
     playback: Playback, index: int, num_back: int, cancelled: Callable[[], bool] | None
 ) -> tuple[int, State | None]:
-    """The first window to trace and the state before it, as ordinary tensors: those of inference know no gradient."""
+    """The first window to trace and the state before it."""
     if num_back < 0:
         raise ValueError(f"num_back is {num_back}; it is a number of windows, at least 0")
     first = max(0, index - num_back)
-    return first, playback.state(first - 1, cancelled).clone() if first else None
+    return first, playback.state(first - 1, cancelled) if first else None
 
 
 def _inside(playback: Playback, pixel: tuple[int, int]) -> tuple[int, int]:
