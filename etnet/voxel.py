@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,20 +29,29 @@ def voxel_array(events: Events, bins: int = 5) -> Float32[np.ndarray, "bins h w"
     size = height * width
     if len(events) < MIN_EVENTS:
         return np.zeros((bins, height, width), np.float32)
-    span = int(events.t[-1] - events.t[0])
-    phase = (events.t - events.t[0]) * ((bins - 1) / span) if span else np.zeros(len(events))
-    lower = phase.astype(np.int64)
-    upper_share = (phase - lower) * events.p
+    grid = np.zeros((bins, size))
     pixel = events.y.astype(np.int64)
     pixel *= width
     pixel += events.x
-    pixel += lower * size
-    # Each event votes p·(1−f) below and p·f above: Σp and Σp·f by the lower bin are all that is needed.
-    whole = np.bincount(pixel, events.p, bins * size)
-    upper = np.bincount(pixel, upper_share, bins * size)
-    whole -= upper
-    whole[size:] += upper[:-size]
-    return whole.astype(np.float32).reshape(bins, height, width)
+    elapsed = events.t - events.t[0]
+    span = int(elapsed[-1])
+    if span == 0 or bins == 1:
+        grid[0] = np.bincount(pixel, events.p, size)
+        return grid.astype(np.float32).reshape(bins, height, width)
+
+    # Events are ordered in time, so those between two bins are a slice. Each votes p·(1−f) below and p·f above:
+    # the sums of p and of p·f by pixel are all that is needed.
+    edges = np.searchsorted(elapsed * (bins - 1), np.arange(bins) * span)
+    edges[-1] = len(events)
+    for lower, (start, stop) in enumerate(pairwise(edges)):
+        polarity = events.p[start:stop].astype(np.float64)
+        share = elapsed[start:stop] * ((bins - 1) / span)
+        share -= lower
+        share *= polarity
+        upper = np.bincount(pixel[start:stop], share, size)
+        grid[lower] += np.bincount(pixel[start:stop], polarity, size) - upper
+        grid[lower + 1] += upper
+    return grid.astype(np.float32).reshape(bins, height, width)
 
 
 def voxel_grid(events: Events, bins: int = 5) -> Float[Tensor, "bins h w"]:

@@ -173,13 +173,13 @@ class FrameCache:
 
 def grey(frame: Shaped[np.ndarray, ...], *, is_bgr: bool = False) -> Float32[np.ndarray, "h w"]:
     """Any picture as luminance in 0 … 1 (ITU-R BT.601 weights); whole numbers are divided by their type's maximum."""
-    scale = 1 / np.iinfo(frame.dtype).max if frame.dtype.kind == "u" else 1.0
+    maximum = np.float32(np.iinfo(frame.dtype).max if frame.dtype.kind == "u" else 1)
     if frame.ndim == 2:
-        return frame.astype(np.float32) * np.float32(scale)
+        return frame.astype(np.float32) / maximum
     if frame.shape[2] < 3:
-        return frame[..., 0].astype(np.float32) * np.float32(scale)
+        return frame[..., 0].astype(np.float32) / maximum
     weights = np.array([0.114, 0.587, 0.299] if is_bgr else [0.299, 0.587, 0.114], np.float32)
-    return (frame[..., :3].astype(np.float32) @ weights) * np.float32(scale)
+    return (frame[..., :3].astype(np.float32) @ weights) / maximum
 
 
 def _joined(parts: Sequence[np.ndarray], dtype: type[np.generic]) -> np.ndarray:

@@ -80,7 +80,9 @@ class Remarks:
 
 
 @contextmanager
-def contained(name: str, what: str) -> Iterator[None]:
+def contained(
+    name: str, what: str, verb: str = "read", remedy: str = "the file may be truncated or damaged"
+) -> Iterator[None]:
     """Turn whatever a library throws into a RecordingError.
 
     Rust libraries panic with an exception that derives from BaseException and not from Exception, so all is caught here
@@ -91,7 +93,7 @@ def contained(name: str, what: str) -> Iterator[None]:
     except (EtnetError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except MemoryError as slip:
-        raise RecordingError(f"{name}: reading {what} asks for more memory than there is; it may be damaged") from slip
+        raise RecordingError(f"{name}: to {verb} {what} asks for more memory than there is; {remedy}") from slip
     except BaseException as slip:
         reason = (str(slip).strip().splitlines() or [type(slip).__name__])[0][:200]
-        raise RecordingError(f"{name}: cannot read {what} ({reason}); the file may be truncated or damaged") from slip
+        raise RecordingError(f"{name}: cannot {verb} {what} ({reason}); {remedy}") from slip

@@ -1,8 +1,8 @@
 """Prophesee's ECF compression of HDF5 chunks (filter 36559), decoded with numpy.
 
-A chunk is: u32 header (number of events · 4 + mode) · u64 first time · times as (step, count) nibbles · then by mode
-all of y, x, p packed in 24 bits (2), or y run-lengths and x, p packed in 12 bits (1), or y run-lengths, x with a mask of
-five neighbours, and p run-lengths (0). A count at its maximum is followed by the true one in 16 bits.
+A chunk is: u32 header (events · 4 + mode) · u64 first time · times as (step, count) nibbles; then, by mode:
+2: y, x and p packed in 24 bits · 1: y run-lengths, then x and p packed in 12 bits · 0: y run-lengths, x with a mask of
+the five pixels to its right, p run-lengths. A count at its maximum is followed by the true one in 16 bits.
 Layout: prophesee-ai/hdf5_ecf, the codec's documentation and the files it writes.
 """
 

@@ -1,4 +1,4 @@
-"""N-MNIST and N-Caltech101 .bin (Orchard et al. 2015): five big-endian bytes an event: x 8, y 8, p 1, t 23 bits in µs."""
+"""N-MNIST and N-Caltech101 .bin (Orchard et al. 2015): five big-endian bytes: x 8, y 8, polarity 1, t 23 bits in µs."""
 
 from __future__ import annotations
 

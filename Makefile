@@ -1,0 +1,50 @@
+# `make view` shows a recording in the browser, `make test` runs the tests; the rest is for those who change things.
+VENV ?= .venv
+PYTHON ?= python3
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+FILE ?=
+OUT ?= pictures
+
+.PHONY: view test test-slow test-tools lint pictures evaluate benchmark clean
+
+view: $(VENV)/.view
+	@$(BIN)/etnet-view $(FILE)
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; run: make PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { echo "Python's venv module is missing; run: apt-get install python3-venv"; exit 1; }
+
+$(VENV)/.view: pyproject.toml constraints.txt | $(VENV)/bin/python
+	@echo "installing into $(VENV) (a few minutes the first time)"
+	@$(INSTALL) --editable .
+	@touch $@
+
+$(VENV)/.test: pyproject.toml constraints.txt | $(VENV)/bin/python
+	@echo "installing into $(VENV) (a few minutes the first time)"
+	@$(INSTALL) --editable '.[test]'
+	@touch $(VENV)/.view $@
+
+test-tools: $(VENV)/.test
+	@tests/install_browser.sh
+
+test: test-tools
+	@$(BIN)/python -m pytest -m "not slow"
+
+test-slow: test-tools
+	@$(BIN)/python -m pytest -m slow
+
+lint: $(VENV)/.test
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/basedpyright --pythonpath $(BIN)/python
+
+pictures: test-tools
+	@$(BIN)/python -m tests.browser.pictures $(OUT)
+
+evaluate: $(VENV)/.view
+	@$(BIN)/etnet evaluate
+
+benchmark: $(VENV)/.view
+	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+clean:
+	@rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis pictures

@@ -1,0 +1,266 @@
+"""The doctor: look a recording through once and say what it is, what is odd in it, and which window would suit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int64
+
+from etnet.events.assumptions import Progress
+from etnet.events.events import Events
+from etnet.events.recording import Recording
+
+RATE_BINS = 200
+"""Points of the rate curve."""
+
+LARGEST_LOOK = 20_000_000
+"""Events looked at one by one; of a longer recording, blocks spread evenly over it."""
+
+SUGGESTED_DENSITY = 0.35
+"""Events per pixel of the suggested window: rpg_e2vid's default."""
+
+HOT_FACTOR = 10
+"""A pixel is hot if it has this many times the events of the busiest of its eight neighbours."""
+
+_BLOCK = 1 << 18
+_HOT_SHARE = 1e-4
+_MOST_NAMED = 20
+_STEP_EDGES = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 10_000, 100_000, 1_000_000)
+_GAP_FACTOR = 1000
+_SHORTEST_GAP = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class HotPixel:
+    """A pixel that fires far more than its neighbours."""
+
+    x: int
+    y: int
+    num_events: int
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A stretch without any event, µs."""
+
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class FramesExam:
+    """The ordinary camera's frames against the events' clock; times in µs."""
+
+    num_frames: int
+    width: int
+    height: int
+    first: int
+    last: int
+    frames_per_second: float
+    first_after_first_event: int
+    num_outside_span: int
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What was found. `as_dict` is ready for JSON. All times in µs, rates in events per second.
+
+    `rates` has one value for each of `RATE_BINS` equal parts of the span. `step_counts[i]` counts steps between
+    neighbouring events of `step_edges[i]` … `step_edges[i + 1]` µs (the last one upwards). `count_image` is events per
+    pixel of those that were looked at.
+    """
+
+    name: str
+    format: str
+    width: int
+    height: int
+    start: int
+    stop: int
+    num_events: int
+    num_looked_at: int
+    num_on: int
+    mean_rate: float
+    peak_rate: float
+    rates: tuple[float, ...]
+    gaps: tuple[Gap, ...]
+    num_equal_stamps: int
+    longest_equal_run: int
+    num_repeated_events: int
+    step_edges: tuple[int, ...]
+    step_counts: tuple[int, ...]
+    num_silent_pixels: int
+    hot_pixels: tuple[HotPixel, ...]
+    frames: FramesExam | None
+    suggested_events: int
+    suggested_duration: int
+    remarks: tuple[str, ...]
+    advice: tuple[str, ...]
+    count_image: Int64[np.ndarray, "h w"] = field(repr=False, compare=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything but the picture, in types that JSON knows."""
+        return {part.name: _plain(getattr(self, part.name)) for part in fields(self) if part.name != "count_image"}
+
+
+@dataclass
+class _Tally:
+    """What one pass counts."""
+
+    counts: Int64[np.ndarray, " pixels"]
+    steps: Int64[np.ndarray, " bins"] = field(default_factory=lambda: np.zeros(len(_STEP_EDGES), np.int64))
+    num_on: int = 0
+    num_looked_at: int = 0
+    num_equal: int = 0
+    num_repeated: int = 0
+    longest_run: int = 0
+    wide_steps: list[Gap] = field(default_factory=list)
+
+    def look(self, events: Events, shortest_gap: int) -> None:
+        """Take in one block; steps between blocks are not counted."""
+        if len(events) == 0:
+            return
+        places = events.y.astype(np.int64) * events.sensor.width + events.x
+        self.counts += np.bincount(places, minlength=len(self.counts))
+        self.num_on += int(np.count_nonzero(events.p > 0))
+        self.num_looked_at += len(events)
+        steps = np.diff(events.t)
+        self.steps += np.bincount(np.searchsorted(_STEP_EDGES, steps, "right") - 1, minlength=len(self.steps))
+        is_equal = steps == 0
+        self.num_equal += int(np.count_nonzero(is_equal))
+        same = is_equal & (np.diff(places) == 0) & (events.p[1:] == events.p[:-1])
+        self.num_repeated += int(np.count_nonzero(same))
+        borders = np.concatenate([[0], np.flatnonzero(~is_equal) + 1, [len(events)]])
+        self.longest_run = max(self.longest_run, int(np.diff(borders).max()))
+        for i in np.flatnonzero(steps >= shortest_gap)[: _MOST_NAMED * 10].tolist():
+            self.wide_steps.append(Gap(int(events.t[i]), int(events.t[i + 1])))
+
+
+def examine(recording: Recording, progress: Progress | None = None) -> Examination:
+    """Look the recording through. `progress` is told the fraction done."""
+    rates = _rates(recording)
+    duration = max(1, recording.span.duration)
+    mean_rate = recording.num_events * 1e6 / duration
+    shortest_gap = max(_SHORTEST_GAP, int(_GAP_FACTOR * 1e6 / max(mean_rate, 1e-9)))
+    tally = _Tally(np.zeros(recording.sensor.num_pixels, np.int64))
+    for fraction, events in _blocks(recording):
+        tally.look(events, shortest_gap)
+        if progress is not None:
+            progress(fraction)
+    image = tally.counts.reshape(recording.sensor.height, recording.sensor.width)
+    suggested = min(max(1, round(SUGGESTED_DENSITY * recording.sensor.num_pixels)), max(1, recording.num_events))
+    hot = _hot_pixels(image)
+    frames = _frames(recording)
+    gaps = tuple(sorted(tally.wide_steps, key=lambda gap: gap.start - gap.stop)[:_MOST_NAMED])
+    return Examination(
+        name=recording.name,
+        format=recording.format,
+        width=recording.sensor.width,
+        height=recording.sensor.height,
+        start=recording.span.start,
+        stop=recording.span.stop,
+        num_events=recording.num_events,
+        num_looked_at=tally.num_looked_at,
+        num_on=tally.num_on,
+        mean_rate=mean_rate,
+        peak_rate=max(rates, default=0.0),
+        rates=rates,
+        gaps=gaps,
+        num_equal_stamps=tally.num_equal,
+        longest_equal_run=tally.longest_run,
+        num_repeated_events=tally.num_repeated,
+        step_edges=_STEP_EDGES,
+        step_counts=tuple(tally.steps.tolist()),
+        num_silent_pixels=int(np.count_nonzero(image == 0)),
+        hot_pixels=hot,
+        frames=frames,
+        suggested_events=suggested,
+        suggested_duration=round(suggested * 1e6 / max(mean_rate, 1e-9)) if recording.num_events else 0,
+        remarks=tuple(str(remark) for remark in recording.remarks),
+        advice=_advice(recording, tally, hot, frames),
+        count_image=image,
+    )
+
+
+def _rates(recording: Recording) -> tuple[float, ...]:
+    """Events per second in equal parts of the span, from the time index alone."""
+    if recording.num_events == 0 or recording.span.duration == 0:
+        return ()
+    num_bins = min(RATE_BINS, recording.span.duration)
+    edges = np.linspace(recording.span.start, recording.span.stop, num_bins + 1)
+    indices = [recording.index_at(int(np.ceil(edge))) for edge in edges[:-1]] + [recording.num_events]
+    return tuple((np.diff(indices) * 1e6 / np.diff(edges)).tolist())
+
+
+def _blocks(recording: Recording) -> Iterator[tuple[float, Events]]:
+    num_blocks = -(-recording.num_events // _BLOCK)
+    every = max(1, -(-recording.num_events // LARGEST_LOOK))
+    for i in range(0, num_blocks, every):
+        yield (i + 1) / num_blocks, recording.read(i * _BLOCK, min((i + 1) * _BLOCK, recording.num_events))
+
+
+def _hot_pixels(image: Int64[np.ndarray, "h w"]) -> tuple[HotPixel, ...]:
+    padded = np.pad(image, 1)
+    height, width = image.shape
+    around = np.zeros_like(image)
+    for down in range(3):
+        for right in range(3):
+            if (down, right) != (1, 1):
+                around = np.maximum(around, padded[down : down + height, right : right + width])
+    is_hot = (image >= HOT_FACTOR * (around + 1)) & (image >= _HOT_SHARE * image.sum())
+    rows, columns = np.nonzero(is_hot)
+    found = [HotPixel(int(x), int(y), int(image[y, x])) for y, x in zip(rows, columns, strict=True)]
+    return tuple(sorted(found, key=lambda pixel: -pixel.num_events)[:_MOST_NAMED])
+
+
+def _frames(recording: Recording) -> FramesExam | None:
+    truth = recording.ground_truth
+    if truth is None or len(truth) == 0:
+        return None
+    height, width = truth.read_frame(0).shape
+    stamps = truth.stamps
+    lasts = max(1, int(stamps[-1] - stamps[0]))
+    return FramesExam(
+        num_frames=len(truth),
+        width=int(width),
+        height=int(height),
+        first=int(stamps[0]),
+        last=int(stamps[-1]),
+        frames_per_second=(len(truth) - 1) * 1e6 / lasts if len(truth) > 1 else 0.0,
+        first_after_first_event=int(stamps[0]) - recording.span.start,
+        num_outside_span=int(np.count_nonzero((stamps < recording.span.start) | (stamps > recording.span.stop))),
+    )
+
+
+def _advice(
+    recording: Recording, tally: _Tally, hot: tuple[HotPixel, ...], frames: FramesExam | None
+) -> tuple[str, ...]:
+    """What a person should know before trusting a picture made of these events."""
+    said = []
+    looked = max(1, tally.num_looked_at)
+    if tally.num_looked_at == 0:
+        return ("there are no events to look at",)
+    if not 0.1 <= tally.num_on / looked <= 0.9:
+        said.append(
+            f"{tally.num_on / looked:.0%} of the events are ON: check the polarity coding or the camera's biases"
+        )
+    if hot:
+        share = sum(pixel.num_events for pixel in hot) / looked
+        said.append(f"{len(hot)} hot pixels make {share:.1%} of the events; a hot-pixel mask would help")
+    if tally.longest_run > 0.05 * recording.sensor.num_pixels:
+        said.append(f"up to {tally.longest_run} events share one stamp: the clock is coarse or rows are read at once")
+    if frames is not None and frames.num_outside_span > max(1, frames.num_frames // 2):
+        said.append("most frames lie outside the events' span: the two clocks differ")
+    if frames is not None and (frames.width, frames.height) != (recording.sensor.width, recording.sensor.height):
+        said.append(f"the frames have {frames.width}×{frames.height} pixels, the sensor {recording.sensor}")
+    return tuple(said)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, (Gap, HotPixel, FramesExam)):
+        return {part.name: getattr(value, part.name) for part in fields(value)}
+    return value

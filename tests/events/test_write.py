@@ -1,0 +1,127 @@
+"""What is written comes back the same, and a failure leaves nothing behind."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+from etnet.events.open import Assumptions, open_recording
+from etnet.events.recording import GroundTruth, recording_of_events
+from etnet.events.write import write_recording
+from tests.events.containers import all_events, assert_same_events
+from tests.real_data import real_file
+
+LAYOUTS = {"event_utils": ".h5", "dsec": ".h5", "aedat4": ".aedat4", "evt3": ".raw", "csv": ".csv", "npz": ".npz"}
+
+
+def random_events(rng: np.random.Generator, count: int, sensor: Sensor, first: int = 0) -> Events:
+    """Uniform in space, sorted in time."""
+    return Events(
+        rng.integers(0, sensor.width, count).astype(np.uint16),
+        rng.integers(0, sensor.height, count).astype(np.uint16),
+        first + np.sort(rng.integers(0, 50 * count + 1, count)),
+        rng.choice(np.array([-1, 1], np.int8), count),
+        sensor,
+    )
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 400),
+    first=st.sampled_from([0, 5, 3811, 1_468_939_802_003_811]),
+)
+def test_events_written_and_read_are_the_same(layout, tmp_path, seed, count, first):
+    sensor = Sensor(240, 180)
+    events = random_events(np.random.default_rng(seed), count, sensor, first)
+    path = tmp_path / f"part{LAYOUTS[layout]}"
+    write_recording(recording_of_events(events), path, layout, overwrite=True)
+    with open_recording(path, assume=Assumptions(width=240, height=180)) as back:
+        assert back.sensor == sensor
+        found = all_events(back)
+        assert_same_events(found, events)
+        np.testing.assert_array_equal(found.t, events.t)
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_real_recording_survives_every_layout(layout, tmp_path):
+    path = tmp_path / f"again{LAYOUTS[layout]}"
+    with open_recording(real_file("derived/slider_depth_0.5s_mvsec.hdf5")) as recording:
+        write_recording(recording, path, layout)
+        with open_recording(path) as back:
+            assert back.sensor == recording.sensor
+            assert_same_events(all_events(back), all_events(recording))
+
+
+def _with_frames(count: int = 300) -> tuple[Events, GroundTruth]:
+    events = random_events(np.random.default_rng(3), count, Sensor(20, 10))
+    pictures = np.random.default_rng(4).integers(0, 256, (5, 10, 20)).astype(np.float32) / 255
+    stamps = np.linspace(-10, int(events.t[-1]), 5).astype(np.int64)
+    return events, GroundTruth(stamps, lambda i: pictures[i])
+
+
+def test_frames_come_back_where_the_layout_has_them(tmp_path):
+    events, truth = _with_frames()
+    recording = recording_of_events(events, ground_truth=truth)
+    start, stop = recording.index_at(int(truth.stamps[1])), recording.index_at(int(truth.stamps[3]) + 1)
+    write_recording(recording, tmp_path / "cut.h5", start=start, stop=stop)
+    with open_recording(tmp_path / "cut.h5") as back:
+        assert_same_events(all_events(back), events[start:stop])
+        first, last = int(events.t[start]), int(events.t[stop - 1])
+        kept = [i for i, stamp in enumerate(truth.stamps) if stamp <= last]
+        kept = [i for i in kept if i + 1 == len(truth) or truth.stamps[i + 1] > first]
+        np.testing.assert_array_equal(back.ground_truth.stamps, truth.stamps[kept])
+        for number, index in enumerate(kept):
+            np.testing.assert_array_equal(back.ground_truth.read_frame(number), truth.read_frame(index))
+
+
+def test_what_a_layout_cannot_hold_is_said(tmp_path):
+    events, truth = _with_frames()
+    remarks = write_recording(recording_of_events(events, ground_truth=truth), tmp_path / "a.npz")
+    assert any("frames were not written" in remark.text for remark in remarks)
+
+
+def test_dsec_index_obeys_its_definition(tmp_path):
+    events = random_events(np.random.default_rng(1), 500, Sensor(640, 480), first=77_000)
+    write_recording(recording_of_events(events), tmp_path / "a.h5", "dsec")
+    with h5py.File(tmp_path / "a.h5") as file:
+        t, index = file["events/t"][:], file["ms_to_idx"][:].astype(int)
+        assert index[0] == 0
+        for ms in range(1, len(index)):
+            assert t[index[ms]] >= 1000 * ms
+            assert t[index[ms] - 1] < 1000 * ms
+
+
+def test_an_existing_file_is_not_overwritten_unasked(tmp_path):
+    events, _ = _with_frames()
+    path = tmp_path / "a.csv"
+    path.write_text("mine")
+    with pytest.raises(RecordingError, match="already"):
+        write_recording(recording_of_events(events), path)
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_failure_leaves_no_file(layout, tmp_path):
+    events, _ = _with_frames()
+    recording = recording_of_events(events)
+
+    def stop_here(fraction: float) -> None:
+        raise RuntimeError("the user gave up")
+
+    with pytest.raises(RecordingError, match="gave up"):
+        write_recording(recording, tmp_path / f"a{LAYOUTS[layout]}", layout, progress=stop_here)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_suffix_names_the_layouts(tmp_path):
+    events, _ = _with_frames()
+    with pytest.raises(RecordingError, match="event_utils"):
+        write_recording(recording_of_events(events), tmp_path / "a.xyz")
