@@ -16,11 +16,11 @@ class Convert:
     """Read a checkpoint without running anything in it, and write safetensors with all that a model needs."""
 
     source: tyro.conf.Positional[Path]
-    """A torch checkpoint of the released ET-Net code (.pth, .pth.tar)."""
+    """A torch checkpoint of the released code of ET-Net, E2VID, E2VID+, FireNet or FireNet+ (.pth, .pth.tar)."""
     target: tyro.conf.Positional[Path]
     """The weights file to write (.safetensors)."""
     heads: int = 8
-    """Attention heads: the one thing no tensor's shape tells."""
+    """ET-Net's attention heads: the one thing no tensor's shape tells."""
     dtype: Literal["fp32", "fp16"] = "fp32"
     """fp32 keeps the checkpoint's frames to the last digit."""
 

@@ -13,8 +13,10 @@ from etnet.errors import EtnetError
 
 _COMMANDS: dict[str, tuple[str, str]] = {
     "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
+    "inspect": ("etnet.cli.inspect", "Inspect"),
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
+    "evaluate": ("etnet.cli.evaluate", "Evaluate"),
 }
 """Command → the module that holds it, and its configuration's class."""
 

@@ -13,10 +13,14 @@ T = TypeVar("T")
 console = Console(stderr=True, highlight=False)
 
 
+def _counting_bar() -> Progress:
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    return Progress(*columns, console=console, transient=True)
+
+
 def track(items: Iterable[T], total: int, description: str) -> Iterator[T]:
     """Pass items on and draw how many are done."""
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, transient=True) as bar:
+    with _counting_bar() as bar:
         task = bar.add_task(description, total=total)
         for item in items:
             yield item
@@ -30,3 +34,11 @@ def fraction_callback(description: str) -> Generator[Callable[[float], None]]:
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(description, total=1.0, visible=False)
         yield lambda fraction: bar.update(task, completed=fraction, visible=True)
+
+
+@contextmanager
+def progress_callback(description: str) -> Generator[Callable[[int, int], None]]:
+    """A `progress(done, total)` for library functions."""
+    with _counting_bar() as bar:
+        task = bar.add_task(description, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

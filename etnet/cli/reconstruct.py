@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
 from etnet.cli.policy import default_policy, parse_policy
-from etnet.cli.progress import console, fraction_callback, track
+from etnet.cli.progress import console, track
+from etnet.cli.recording import Opening, open_with_progress
 from etnet.events.recording import Recording
 from etnet.windows import Window, plan_windows
 
@@ -29,6 +30,7 @@ class Reconstruct:
     """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
+    opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
     gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
     """Display gamma of the PNGs and the video; default: what the model's card says (1 = as the network gives it)."""
     speed: float = 1.0
@@ -37,12 +39,9 @@ class Reconstruct:
 
 def run(config: Reconstruct) -> int:
     """Do it; returns the exit code."""
-    from etnet.events.open import open_recording
     from etnet.nets.weights import load_model
 
-    with fraction_callback("opening") as progress:
-        recording = open_recording(config.file, progress=progress)
-    with recording:
+    with open_with_progress(config.file, config.opening) as recording:
         for remark in recording.remarks:
             console.print(f"[dim]{remark}[/dim]")
         policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)

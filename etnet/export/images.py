@@ -18,9 +18,9 @@ def to_uint8(frame: Float32[np.ndarray, "h w"], gamma: float = 1.0) -> UInt8[np.
     return np.rint((clipped if gamma == 1.0 else clipped ** (1 / gamma)) * 255).astype(np.uint8)
 
 
-def write_png(path: Path, image: UInt8[np.ndarray, "h w"]) -> None:
-    """Write one image, atomically."""
-    is_encoded, content = cv2.imencode(".png", image)
+def write_png(path: Path, image: UInt8[np.ndarray, "h w"] | UInt8[np.ndarray, "h w 3"]) -> None:
+    """Write one grey or RGB image, atomically."""
+    is_encoded, content = cv2.imencode(".png", image if image.ndim == 2 else image[..., ::-1])
     if not is_encoded:
         raise EtnetError(f"{path.name}: an image of shape {image.shape} cannot be written as PNG")
     write_atomically(path, content.tobytes())

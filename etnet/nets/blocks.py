@@ -40,6 +40,35 @@ class ConvLSTM(nn.Module):
         return hidden, cell
 
 
+class ConvGRU(nn.Module):
+    """3×3 convolutional gated recurrent unit: h′ = h (1 − u) + tanh(out[x, h r]) u, u and r = σ of [x, h] (FireNet)."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.reset = nn.Conv2d(2 * channels, channels, kernel_size=3, padding=1)
+        self.update = nn.Conv2d(2 * channels, channels, kernel_size=3, padding=1)
+        self.out = nn.Conv2d(2 * channels, channels, kernel_size=3, padding=1)
+
+    def forward(self, image: Float[Tensor, "b c h w"], hidden: Tensor | None) -> Float[Tensor, "b c h w"]:
+        hidden = torch.zeros_like(image, dtype=torch.float32) if hidden is None else hidden
+        both = torch.cat((image, hidden.to(image.dtype)), dim=1)
+        update, reset = torch.sigmoid(self.update(both).float()), torch.sigmoid(self.reset(both).float())
+        candidate = self.out(torch.cat((image, (hidden * reset).to(image.dtype)), dim=1)).float()
+        return hidden * (1 - update) + torch.tanh(candidate) * update
+
+
+class Residual(nn.Module):
+    """Two 3×3 convolutions beside the identity, ReLU after the first and after the sum (E2VID, FireNet)."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(channels, channels, kernel_size=3, padding=1)
+        self.second = nn.Conv2d(channels, channels, kernel_size=3, padding=1)
+
+    def forward(self, image: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+        return relu(self.second(relu(self.first(image))) + image)
+
+
 class RecurrentLevel(nn.Module):
     """One level of the backbone: halve the image, double the channels, remember (paper, eq. 2)."""
 

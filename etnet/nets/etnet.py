@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from etnet.errors import ModelError
 from etnet.nets.attention import Attention, AttentionProbe, Observer
+from etnet.nets.backbone import advance, check_voxel, upsample
 from etnet.nets.base import Pyramid, State, Step
 from etnet.nets.blocks import ConvReLU, RecurrentLevel, Upsample
 from etnet.nets.intervention import ORIGINAL, Intervention
@@ -177,20 +178,10 @@ class ETNet(nn.Module):
         self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
     ) -> tuple[Pyramid, State]:
         """Recurrent convolution backbone (paper, eq. 2): all that a later frame depends on."""
-        self._check(voxel)
+        check_voxel(voxel, self.bins)
         with precision_of(self.runtime, voxel.device.type):
-            features = self._head(voxel)
-            levels, memory = [features], []
-            for level, block in enumerate(self.backbone, start=1):
-                before = None if state is None else state.tensors[2 * level - 2 : 2 * level]
-                if level in intervention.zeroed_levels:
-                    before = None
-                features, cell = block(features, before)
-                if level in intervention.frozen_levels and before is not None:
-                    features, cell = before
-                levels.append(features)
-                memory += [features, cell]
-        return Pyramid(tuple(levels), voxel.shape[-2], voxel.shape[-1]), State(tuple(memory))
+            levels, after = advance(self._head(voxel), self.backbone, state, intervention)
+        return Pyramid(levels, voxel.shape[-2], voxel.shape[-1]), after
 
     def decode(
         self,
@@ -209,7 +200,7 @@ class ETNet(nn.Module):
 
     def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
         """The pyramid of the step that ended in `state_after`: its hidden states, and the head once more."""
-        self._check(voxel)
+        check_voxel(voxel, self.bins)
         with precision_of(self.runtime, voxel.device.type):
             head = self._head(voxel)
         return Pyramid((head, *state_after.tensors[::2]), voxel.shape[-2], voxel.shape[-1])
@@ -234,14 +225,6 @@ class ETNet(nn.Module):
     def _upsample(self, context: Tensor, levels: tuple[Tensor, ...], intervention: Intervention) -> Tensor:
         """Multi-level upsampler (paper, eq. 4); the last layer and the sigmoid in fp32."""
         removed = intervention.removed_skips if self.config.skips else frozenset(range(NUM_LEVELS + 1))
-        image = context if NUM_LEVELS in removed else context + levels[NUM_LEVELS]
-        for level, block in zip(reversed(range(NUM_LEVELS)), self.upsampler, strict=True):
-            image = block(image)
-            if level not in removed:
-                image = image + levels[level]
+        image = upsample(context, levels, self.upsampler, removed)
         with torch.autocast(image.device.type, enabled=False):
             return torch.sigmoid(self.tail(image.float()))
-
-    def _check(self, voxel: Tensor) -> None:
-        if voxel.ndim != 4 or voxel.shape[1] != self.bins:
-            raise ModelError(f"voxel grid is {tuple(voxel.shape)}; this network takes (batch, {self.bins}, h, w)")

@@ -13,13 +13,13 @@ from etnet.errors import ModelError
 from etnet.nets.runtime import Runtime, apply_runtime
 
 if TYPE_CHECKING:
-    from etnet.nets.etnet import ETNet
+    from etnet.nets.presets import Network
 
 PrecisionChoice = Literal["fp32", "bf16", "auto"]
 _PROBE_SIZE = (96, 128)
 
 
-def choose_runtime(model: ETNet, precision: PrecisionChoice, device: str = "cpu") -> Runtime:
+def choose_runtime(model: Network, precision: PrecisionChoice, device: str = "cpu") -> Runtime:
     """The runtime for `precision`; "auto" times one encode and decode of each."""
     if precision not in ("fp32", "bf16", "auto"):
         raise ModelError(f"precision is {precision!r}; it takes 'fp32', 'bf16' or 'auto'")
@@ -45,7 +45,7 @@ def bf16_is_worth_trying(device: str = "cpu", size: int = 128) -> bool:
     return _best_of(product(torch.bfloat16)) <= 1.5 * _best_of(product(torch.float32))
 
 
-def _time_step(model: ETNet, runtime: Runtime, device: str) -> float:
+def _time_step(model: Network, runtime: Runtime, device: str) -> float:
     before = model.runtime
     apply_runtime(model, runtime)
     voxel = torch.zeros(1, model.bins, *_PROBE_SIZE, device=device)

@@ -3,29 +3,48 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, Literal, overload
 
 import torch
 from torch import nn
 
 from etnet.errors import ModelError
+from etnet.nets.e2vid import E2VID, E2VID_PRESETS, E2VIDConfig
 from etnet.nets.etnet import ETNet, ETNetConfig
+from etnet.nets.firenet import FIRENET_PRESETS, FireNet, FireNetConfig
+
+Network = ETNet | E2VID | FireNet
+"""A network that this package can build, save and load."""
+NetworkConfig = ETNetConfig | E2VIDConfig | FireNetConfig
 
 _HALF = ETNetConfig(
     base_channels=16, dim=128, feed_forward=512, projects_coarsest=True, token_norm=True, context_norm=True
 )
 
-PRESETS: dict[str, ETNetConfig] = {
+PRESETS: dict[str, NetworkConfig] = {
     "etnet": ETNetConfig(),
     "etnet-half": _HALF,
     "tiny": replace(_HALF, base_channels=4, dim=32, heads=4, feed_forward=64, encoder_depth=1, decoder_depth=1),
+    **E2VID_PRESETS,
+    **FIRENET_PRESETS,
 }
-"""`etnet`: the paper's best. `etnet-half`: half its width, our default on a CPU. `tiny`: for tests."""
+"""`etnet`: the paper's best. `etnet-half`: half its width, our default on a CPU. `tiny`: for tests. Then the rivals."""
 
-ARCHITECTURES: dict[str, tuple[type[ETNetConfig], type[ETNet]]] = {"ETNet": (ETNetConfig, ETNet)}
+ARCHITECTURES: dict[str, tuple[type[Any], type[Network]]] = {
+    "ETNet": (ETNetConfig, ETNet),
+    "E2VID": (E2VIDConfig, E2VID),
+    "FireNet": (FireNetConfig, FireNet),
+}
 """Configuration and network by the class name that weights files carry."""
 
 
-def build_model(preset_or_config: str | ETNetConfig, generator: torch.Generator | None = None) -> ETNet:
+@overload
+def build_model(
+    preset_or_config: ETNetConfig | Literal["etnet", "etnet-half", "tiny"], generator: torch.Generator | None = None
+) -> ETNet: ...
+@overload
+def build_model(preset_or_config: str | NetworkConfig, generator: torch.Generator | None = None) -> Network: ...
+def build_model(preset_or_config: str | NetworkConfig, generator: torch.Generator | None = None) -> Network:
     """A network with fresh random weights: for training and tests, never shown as a reconstruction.
 
     The initialisation is drawn from `generator` (a fixed one when none is given), never from torch's global one.
@@ -37,7 +56,8 @@ def build_model(preset_or_config: str | ETNetConfig, generator: torch.Generator 
     seed = int(torch.randint(2**31, (1,), generator=generator or torch.Generator().manual_seed(0)))
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return ETNet(preset_or_config).eval()
+        _, network = next(pair for pair in ARCHITECTURES.values() if isinstance(preset_or_config, pair[0]))
+        return network(preset_or_config).eval()  # pyright: ignore[reportArgumentType]  the pair belongs together
 
 
 def num_parameters(model: nn.Module) -> int:

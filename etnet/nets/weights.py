@@ -17,9 +17,8 @@ from torch import Tensor, nn
 
 from etnet.bundled import models
 from etnet.errors import ModelError, WeightsError
-from etnet.nets.etnet import ETNet
 from etnet.nets.precision import PrecisionChoice, choose_runtime
-from etnet.nets.presets import ARCHITECTURES, PRESETS
+from etnet.nets.presets import ARCHITECTURES, PRESETS, Network
 from etnet.nets.runtime import apply_runtime
 
 FORMAT = "etnet-weights-1"
@@ -53,7 +52,7 @@ def read_card(path: Path) -> dict[str, Any]:
     return json.loads(_metadata(path)["card"])
 
 
-def load_weights(path: Path, device: str = "cpu") -> ETNet:
+def load_weights(path: Path, device: str = "cpu") -> Network:
     """A model with the weights of a file, in fp32. Names the first parameter that is missing or unexpected."""
     metadata = _metadata(path)
     architecture = metadata["architecture"]
@@ -91,7 +90,7 @@ def load_strictly(model: nn.Module, state: Mapping[str, Tensor], source: str) ->
 
 def load_model(
     name_or_path: str | Path = "etnet-half", device: str = "cpu", precision: PrecisionChoice = "fp32"
-) -> ETNet:
+) -> Network:
     """A model ready to reconstruct: a preset's bundled weights by name, or a weights file by path.
 
     `precision` "auto" times one small encode and decode in fp32 and bf16 and keeps the faster.

@@ -1,0 +1,238 @@
+"""`etnet evaluate`: score models on recordings under a named protocol; resumable, shared out by torchrun."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+from rich.markup import escape
+
+from etnet.cli.progress import console, progress_callback
+from etnet.errors import EtnetError, RecordingError, WeightsError
+
+if TYPE_CHECKING:
+    from etnet.evaluation.evaluate import Judges
+    from etnet.evaluation.report import Failure, Report
+    from etnet.evaluation.scores import Scores
+    from etnet.nets.presets import Network
+
+RULES = 1
+"""Raised when a score would come out differently for the same inputs: old results are then computed anew."""
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Score every model on every recording. What is done is kept under --out, so that a second call goes on."""
+
+    items: tyro.conf.Positional[tuple[str, ...]]
+    """Models (bundled names, .safetensors files) and recordings with ground truth (files, folders, zips), mixed."""
+    protocol: Literal["paper", "evreal"] = "paper"
+    """paper: ET-Net's evaluation code. evreal: EVREAL's."""
+    out: Path = Path("evaluation")
+    """Folder for scores/, report.md, report.json and report.svg."""
+    device: str = "cpu"
+    whole: bool = False
+    """Score all frames of a known test sequence, not only its cut."""
+    judge: Literal["auto", "alex", "vgg"] = "auto"
+    """auto: LPIPS-VGG beside LPIPS-Alex when its weights are installed. alex: never. vgg: insist."""
+    flow: Literal["auto", "file"] = "auto"
+    """Temporal consistency without flow in the file. auto: estimate it with DIS. file: print n/a."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One model on one recording."""
+
+    model: str
+    recording: Path
+    target: Path
+
+
+def run(config: Evaluate) -> int:
+    """Do it; 1 when any pair failed, and the report names it."""
+    from etnet.evaluation.report import Failure
+
+    models, recordings = sort_items(config.items)
+    jobs = _jobs(config, models, recordings)
+    rank, num_ranks = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+    judges = _judges(config)
+    _forget_failures(config.out, rank, num_ranks)
+    failures: list[Failure] = []
+    loaded: tuple[str, Network] | None = None
+    for number, job in enumerate(jobs):
+        if number % num_ranks != rank:
+            continue
+        label = f"[{number + 1}/{len(jobs)}] {job.model} on {job.recording.name}"
+        try:
+            loaded = loaded if loaded and loaded[0] == job.model else (job.model, _load(job.model, config.device))
+            scores = _score(config, job, loaded[1], judges, label)
+            _say(f"{label}: LPIPS {scores.mean('lpips'):.4f}, {scores.num_frames} frames")
+        except EtnetError as error:
+            failures.append(Failure(job.model, job.recording.name, str(error)))
+            _say(f"{label}: failed, {error}")
+    _write_failures(config.out, rank, failures)
+    report = _collect(config, jobs)
+    if report is None:
+        _say("other processes are still at work; the last one writes the report")
+        return 1 if failures else 0
+    _write_report(report, config.out)
+    return 1 if report.failures else 0
+
+
+def sort_items(items: tuple[str, ...]) -> tuple[list[str], list[Path]]:
+    """Models and recordings apart: a bundled name, a preset's or a weights file is a model; the rest must exist."""
+    from etnet.bundled import models as bundled
+    from etnet.nets.presets import PRESETS
+
+    names = {path.stem for path in bundled()} | set(PRESETS)
+    models = [item for item in items if item in names or Path(item).suffix in (".safetensors", ".pth", ".pt", ".tar")]
+    recordings = [Path(item) for item in items if item not in models]
+    absent = next((path for path in recordings if not path.exists()), None)
+    if absent is not None:
+        raise RecordingError(f"{absent}: neither a file nor a model; models are {', '.join(sorted(names))}")
+    if not models:
+        raise WeightsError(f"no model among {len(items)} items; name one, e.g. etnet-half")
+    if not recordings:
+        raise RecordingError(f"no recording among {len(items)} items; name at least one file with ground truth")
+    return models, recordings
+
+
+def _jobs(config: Evaluate, models: list[str], recordings: list[Path]) -> list[Job]:
+    folder = config.out / "scores"
+    folder.mkdir(parents=True, exist_ok=True)
+    jobs = []
+    for recording in recordings:
+        for model in models:
+            # Two files of one name in two folders must not share a result.
+            where = hashlib.sha256(f"{Path(model).resolve()}\n{recording.resolve()}".encode()).hexdigest()[:8]
+            words = [re.sub(r"[^\w+-]+", "_", Path(part).stem) for part in (model, str(recording))]
+            jobs.append(Job(model, recording, folder / f"{words[0]}__{words[1]}__{config.protocol}__{where}.json"))
+    return jobs
+
+
+def _judges(config: Evaluate) -> Judges:
+    from etnet.evaluation.evaluate import Judges
+    from etnet.evaluation.judge import find_judge_file, load_judge
+    from etnet.evaluation.lpips import load_lpips
+
+    takes_second = config.judge == "vgg" or (config.judge == "auto" and find_judge_file() is not None)
+    second = load_judge().to(config.device) if takes_second else None
+    return Judges(load_lpips().to(config.device), second)
+
+
+def _load(model: str, device: str) -> Network:
+    from etnet.nets.weights import load_model
+
+    return load_model(model, device)
+
+
+def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: str) -> Scores:
+    from etnet.evaluation.evaluate import evaluate
+    from etnet.evaluation.protocol import PROTOCOLS
+    from etnet.evaluation.scores import read_scores, write_scores
+    from etnet.events.open import open_recording
+
+    key = _key(config, job, judges, _weights_digest(model))
+    kept = read_scores(job.target, key)
+    if kept is not None:
+        return kept
+    with open_recording(job.recording) as recording, progress_callback(escape(label)) as progress:
+        scores = evaluate(
+            model,
+            recording,
+            PROTOCOLS[config.protocol],
+            judges,
+            whole=config.whole,
+            estimates_flow=config.flow == "auto",
+            name=Path(job.model).stem if job.model.endswith(".safetensors") else job.model,
+            on_progress=progress,
+        )
+    write_scores(scores, job.target, key)
+    return scores
+
+
+def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
+    """All that the numbers depend on."""
+    files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
+    stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
+    judged = "alex+vgg" if judges.lpips_vgg else "alex"
+    facts = [RULES, config.protocol, config.whole, config.flow, judged, config.device, weights, stats]
+    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
+
+
+def _weights_digest(model: Network) -> str:
+    digest = hashlib.sha256(repr(model.config).encode())
+    for name, tensor in sorted(model.state_dict().items()):
+        digest.update(name.encode())
+        digest.update(tensor.cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()
+
+
+def _collect(config: Evaluate, jobs: list[Job]) -> Report | None:
+    """The report once every job has ended, in success or failure; None before."""
+    from etnet.evaluation.report import Report
+    from etnet.evaluation.scores import Scores
+
+    failed = {(failure.model, failure.recording): failure for failure in _read_failures(config.out)}
+    scores: list[Scores] = []
+    failures: list[Failure] = []
+    for job in jobs:
+        if (job.model, job.recording.name) in failed:
+            failures.append(failed[job.model, job.recording.name])
+        elif job.target.exists():
+            scores.append(Scores.from_json(json.loads(job.target.read_text(encoding="utf-8"))))
+        else:
+            return None
+    return Report(config.protocol, tuple(scores), tuple(failures))
+
+
+def _forget_failures(out: Path, rank: int, num_ranks: int) -> None:
+    """Remove what an earlier call left: one's own list; the first process also those of more processes than now."""
+    for path in out.glob("failures_*.json"):
+        writer = int(path.stem.removeprefix("failures_"))
+        if writer == rank or (rank == 0 and writer >= num_ranks):
+            path.unlink()
+
+
+def _write_failures(out: Path, rank: int, failures: list[Failure]) -> None:
+    rows = [[failure.model, failure.recording, failure.reason] for failure in failures]
+    _write_text(out / f"failures_{rank}.json", json.dumps(rows))
+
+
+def _read_failures(out: Path) -> Iterator[Failure]:
+    from etnet.evaluation.report import Failure
+
+    for path in sorted(out.glob("failures_*.json")):
+        for row in json.loads(path.read_text(encoding="utf-8")):
+            yield Failure(*row)
+
+
+def _write_report(report: Report, out: Path) -> None:
+    from etnet.evaluation.plot import plot_scores
+
+    _write_text(out / "report.json", json.dumps(report.to_json(), ensure_ascii=False, allow_nan=False, indent=1))
+    _write_text(out / "report.md", report.to_markdown())
+    if report.scores:
+        _write_text(out / "report.svg", plot_scores(report.scores))
+        console.print(report.to_table())
+    for failure in report.failures:
+        _say(f"failed: {failure.model} on {failure.recording}: {failure.reason}")
+    _say(f"wrote {out / 'report.md'}, report.json and report.svg")
+
+
+def _write_text(path: Path, text: str) -> None:
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+
+
+def _say(text: str) -> None:
+    # File names may hold brackets, which rich would take for markup.
+    console.print(text, markup=False, soft_wrap=True)

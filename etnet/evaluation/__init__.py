@@ -1,0 +1,1 @@
+"""Judging reconstructions: measures, matching with ground truth, the protocols of the field, reports."""

@@ -1,0 +1,134 @@
+"""E2VID (Rebecq et al., TPAMI 2019), E2VID+ (Stoffregen et al., ECCV 2020) and their deeper kin, by fields.
+
+The backbone and the upsampler are ET-Net's; residual blocks stand where ET-Net has its token pyramid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from etnet.errors import ModelError
+from etnet.nets.attention import Attention, AttentionProbe
+from etnet.nets.backbone import advance, check_voxel, upsample
+from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.blocks import ConvReLU, RecurrentLevel, Residual, Upsample
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.padding import crop_to_sensor, pad_to_grid
+from etnet.nets.runtime import Runtime, precision_of
+
+NUM_LEVELS = 3
+PostProcessing = Literal["none", "robust"]
+
+
+@dataclass(frozen=True, slots=True)
+class E2VIDConfig:
+    """An E2VID. The defaults are the first one; `outputs=3` adds the flow that E2VID+ learned beside the frame."""
+
+    bins: int = 5
+    base_channels: int = 32
+    residual_blocks: int = 2
+    skips: bool = True
+    outputs: Literal[1, 3] = 1
+    """3: frame, flow x, flow y; the frame is channel 0."""
+    final: Literal["sigmoid", "none"] = "sigmoid"
+    """E2VID+ ends without an activation, so that its frames are unbounded."""
+    normalise_voxels: bool = True
+    post_processing: PostProcessing = "robust"
+    """What EVREAL does to its frames before it scores them: stretch the 1st to the 99th percentile to 0 … 1."""
+
+    def __post_init__(self) -> None:
+        if self.bins < 1 or self.base_channels < 1 or self.residual_blocks < 0:
+            raise ModelError(
+                f"E2VIDConfig: got {self.bins} bins, {self.base_channels} channels, {self.residual_blocks} residual "
+                "blocks; it takes at least 1, 1 and 0"
+            )
+        if self.outputs not in (1, 3):
+            raise ModelError(f"E2VIDConfig.outputs is {self.outputs}; it takes 1 (frame) or 3 (frame and flow)")
+
+    def channels(self, level: int) -> int:
+        """C_l = C₀·2ˡ."""
+        return self.base_channels * 2**level
+
+
+E2VID_PLUS = E2VIDConfig(outputs=3, final="none", normalise_voxels=False, post_processing="none")
+
+E2VID_PRESETS: dict[str, E2VIDConfig] = {
+    "e2vid": E2VIDConfig(),
+    "e2vid+": E2VID_PLUS,
+    **{
+        f"e2vid-res{blocks}": E2VIDConfig(residual_blocks=blocks, normalise_voxels=False, post_processing="none")
+        for blocks in (6, 12, 16)
+    },
+}
+"""`e2vid-res6`, `-res12`, `-res16`: the partners of ET-Net's ablations (its Table 2), of about the same size."""
+
+
+class E2VID(nn.Module):
+    """Recurrent U-Net. State: hidden and cell of levels 1, 2, 3, in this order."""
+
+    def __init__(self, config: E2VIDConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.name = "e2vid"
+        self.card: dict[str, object] = {}
+        self.bins = config.bins
+        self.normalise_voxels = config.normalise_voxels
+        self.post_processing = config.post_processing
+        self.runtime = Runtime()
+        channels = [config.channels(level) for level in range(NUM_LEVELS + 1)]
+        self.head = ConvReLU(config.bins, channels[0])
+        self.backbone = nn.ModuleList(RecurrentLevel(channels[i], channels[i + 1]) for i in range(NUM_LEVELS))
+        self.residuals = nn.Sequential(*(Residual(channels[-1]) for _ in range(config.residual_blocks)))
+        self.upsampler = nn.ModuleList(Upsample(channels[i + 1], channels[i]) for i in reversed(range(NUM_LEVELS)))
+        self.tail = nn.Conv2d(channels[0], config.outputs, kernel_size=1)
+
+    def encode(
+        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
+    ) -> tuple[Pyramid, State]:
+        """Head and recurrent encoders: all that a later frame depends on."""
+        check_voxel(voxel, self.bins)
+        with precision_of(self.runtime, voxel.device.type):
+            levels, after = advance(self._head(voxel), self.backbone, state, intervention)
+        return Pyramid(levels, voxel.shape[-2], voxel.shape[-1]), after
+
+    def decode(
+        self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
+    ) -> tuple[Float[Tensor, "b 1 h w"], Attention | None]:
+        """Residual blocks and decoders. There is no attention to probe."""
+        removed = intervention.removed_skips if self.config.skips else frozenset(range(NUM_LEVELS + 1))
+        with precision_of(self.runtime, pyramid.levels[0].device.type):
+            image = self.residuals(pyramid.levels[NUM_LEVELS])
+            image = upsample(image, pyramid.levels, self.upsampler, removed)
+        with torch.autocast(image.device.type, enabled=False):
+            frame = self.tail(image.float())[:, :1]
+            frame = torch.sigmoid(frame) if self.config.final == "sigmoid" else frame
+        return crop_to_sensor(frame, pyramid.height, pyramid.width), None
+
+    def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
+        """The pyramid of the step that ended in `state_after`: its hidden states, and the head once more."""
+        check_voxel(voxel, self.bins)
+        with precision_of(self.runtime, voxel.device.type):
+            head = self._head(voxel)
+        return Pyramid((head, *state_after.tensors[::2]), voxel.shape[-2], voxel.shape[-1])
+
+    def forward(
+        self,
+        voxel: Float[Tensor, "b bins h w"],
+        state: State | None = None,
+        probe: AttentionProbe | None = None,
+        intervention: Intervention = ORIGINAL,
+    ) -> Step:
+        pyramid, state = self.encode(voxel, state, intervention)
+        frame, attention = self.decode(pyramid, probe, intervention)
+        return Step(frame, state, attention)
+
+    def _head(self, voxel: Tensor) -> Tensor:
+        padded = pad_to_grid(voxel)
+        if self.runtime.channels_last:
+            padded = padded.contiguous(memory_format=torch.channels_last)
+        return self.head(padded)

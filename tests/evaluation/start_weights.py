@@ -1,0 +1,19 @@
+"""The first trained weights of this project, whose scores are known: read from the original arrays."""
+
+import numpy as np
+import torch
+
+from etnet.nets.etnet import ETNet
+from etnet.nets.presets import build_model
+from etnet.nets.released import from_released
+from etnet.nets.weights import load_strictly
+from tests.real_data import real_file
+
+
+def start_weights() -> ETNet:
+    """`etnet-half` with the start weights; skips the test where the file is absent."""
+    with np.load(real_file("../weights/etnet_half_start.npz")) as file:
+        arrays = {name: torch.from_numpy(file[name]) for name in file.files if not name.startswith("_")}
+    model = build_model("etnet-half")
+    load_strictly(model, from_released(arrays), "etnet_half_start.npz")
+    return model
