@@ -17,6 +17,8 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
     "evaluate": ("etnet.cli.evaluate", "Evaluate"),
+    "export": ("etnet.cli.export", "Export"),
+    "replay": ("etnet.cli.replay", "Replay"),
 }
 """Command → the module that holds it, and its configuration's class."""
 
