@@ -19,6 +19,8 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("etnet.cli.train", "Train"),
     "evaluate": ("etnet.cli.evaluate", "Evaluate"),
     "sample": ("etnet.cli.sample", "Sample"),
+    "export": ("etnet.cli.export", "Export"),
+    "replay": ("etnet.cli.replay", "Replay"),
 }
 """Command → the module that holds it, and its configuration's class (a module with a `parse` of its own needs none)."""
 
