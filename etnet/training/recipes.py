@@ -55,13 +55,14 @@ TINY = TrainConfig(
     out=Path("runs/tiny"),
     network=replace(network_preset("tiny"), positions="grid", dropout=0.0),
     initialise="local",
-    stages=(Stage(300, size=(64, 64)),),
+    stages=(Stage(200, size=(64, 64)),),
     truncate=5,
     data=DataConfig(windows=20, workers=1),
     loss=LossConfig(num_scored=3),
-    context=ContextConfig(skip_drop_updates=150),
+    context=ContextConfig(skip_drop_updates=100),
     optimiser=OptimiserConfig(learning_rate=2e-3, warm_up=20, ema=0.99),
     validation=ValidationConfig(every=100, clips=4, windows=16, size=(64, 80)),
+    log_every=50,
 )
 """Learns in two minutes on two cores, without any file."""
 
