@@ -64,7 +64,7 @@ class Session:
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
         self._mail: SimpleQueue[Item] = SimpleQueue()
-        self._default = self._state = default
+        self._state = default
         self._keeper = Keeper(client, default)
         self._opener = Opener(catalogue, self._mail.put)
         self._player = Player()
@@ -73,6 +73,7 @@ class Session:
         self._refused: Plan | None = None
         self._trouble = ""
         self._is_known = False
+        self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
         self._shown_index = -1
@@ -146,6 +147,7 @@ class Session:
             case Opened() | Unopened():
                 self._settle(item)
             case _:
+                self._has_asked = True
                 self._reduce(item)
         self._is_dirty = True
 
@@ -153,7 +155,7 @@ class Session:
         if self._keeper.knows_tab:
             return
         recalled, refused = self._keeper.recall(tab)
-        if self._is_known and self._state != self._default:
+        if self._has_asked:
             return  # a slow page said hello when its visitor had already begun: his view is the newer one
         self._is_known = True
         self._state = recalled

@@ -170,7 +170,7 @@ class Browser:
         if kind.startswith("Gui") and "props" in message and "uuid" in message:
             self.widgets[message["uuid"]] = dict(message["props"], value=message.get("value"))
             self.types[message["uuid"]] = kind
-            if message["props"].get("label") == "channel":
+            if message["props"].get("label") == "channel" and self.tab is not None:
                 await self.use(message["uuid"], f"hello|{self.tab}|1600|900|1")
         elif kind == "GuiUpdateMessage" and message["uuid"] in self.widgets:
             self.widgets[message["uuid"]].update(message["updates"])

@@ -198,3 +198,14 @@ def test_help_opens_at_the_question_mark(viewer):
         assert browser.notices == []
 
     visit(viewer, story, tab=49)
+
+
+def test_a_slow_page_still_gets_its_view_back(viewer):
+    kept = json.dumps({"recording_id": "a", "model_id": "m", "index": 8, "policy": {"kind": "BetweenFrames"}})
+
+    async def story(browser):
+        await browser.until_shown("window 15 of 30")
+        await browser.use(browser.widget("channel"), "hello|50|1600|900|9")
+        await browser.until_shown("window 8 of 30")
+
+    visit(viewer, story, tab=None, storage={"view:a:50": kept})
