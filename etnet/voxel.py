@@ -94,6 +94,6 @@ def normalise_nonzero(voxel: Float[Tensor, "bins h w"]) -> Float[Tensor, "bins h
     count = int(nonzero.sum())
     if count == 0:
         return voxel
-    mean = voxel.sum() / count
-    deviation = ((voxel**2).sum() / count - mean**2).clamp_min(0).sqrt()
-    return (voxel - mean) / deviation * nonzero if deviation > 0 else voxel
+    centred = (voxel - voxel.sum() / count) * nonzero
+    deviation = ((centred**2).sum() / count).sqrt()
+    return centred / deviation if deviation > 0 else voxel

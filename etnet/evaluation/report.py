@@ -20,7 +20,14 @@ from etnet.evaluation.scores import ROWS, TITLES, Measure, Row, Scores, average_
 SEED = 0
 """Of the resampling, so that a report written twice is the same."""
 DIGITS = 4
-SHORT_TITLES: dict[Measure, str] = {"lpips_vgg": "VGG ↓"}
+SHORT_TITLES: dict[Measure, str] = {
+    "mse": "MSE↓",
+    "ssim": "SSIM↑",
+    "lpips": "LPIPS↓",
+    "lpips_vgg": "VGG↓",
+    "temporal": "TC↓",
+}
+"""The measures that have a better and a worse, as the terminal names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +107,10 @@ class Report:
 
     def to_table(self) -> Table:
         """For a terminal of 80 columns: no interval but that of LPIPS. The notes are not in it."""
-        measures = [measure for measure in self.measures if measure not in ("sharpness", "contrast")]
+        measures: list[Measure] = [measure for measure in SHORT_TITLES if measure in self.measures]
         table = Table(title=f"protocol {self.protocol}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
-        for title in ("frames", *(SHORT_TITLES.get(measure, TITLES[measure]) for measure in measures), "LPIPS 95 %"):
+        for title in ("frames", *(SHORT_TITLES[measure] for measure in measures), "LPIPS 95 %"):
             table.add_column(title, justify="right", no_wrap=True)
         before = None
         for line in self.lines():

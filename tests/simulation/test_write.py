@@ -1,15 +1,19 @@
 """Written recordings against the layout's documentation, read back with h5py alone."""
 
+from itertools import pairwise
+
 import h5py
 import numpy as np
 import pytest
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.events.open import open_recording
 from etnet.simulation.config import SequenceConfig
 from etnet.simulation.dataset import write_dataset
 from etnet.simulation.sequence import simulate_sequence
 from etnet.simulation.write import Take, take_of, write_take
+from etnet.windows import BetweenFrames, plan_windows
 from tests.simulation.pictures_made_up import made_up_pool
 
 POOL = made_up_pool()
@@ -40,6 +44,25 @@ def test_a_written_clip_reads_back_the_same(tmp_path):
                 assert np.allclose(flow[()] * seconds, sequence.flow[i - 1], atol=1e-4)
             else:
                 assert not flow[()].any()
+
+
+def test_our_own_reader_opens_a_written_clip_with_its_frames_flow_and_windows(tmp_path):
+    sequence = simulate_sequence(POOL, CONFIG, np.random.default_rng(0))
+    write_take(tmp_path / "a.h5", take_of(sequence), {})
+    with open_recording(tmp_path / "a.h5") as recording:
+        events = recording.read(0, recording.num_events)
+        for column in ("x", "y", "t", "p"):
+            assert np.array_equal(getattr(events, column), getattr(sequence.events, column))
+        truth = recording.ground_truth
+        assert truth is not None
+        assert np.array_equal(truth.stamps, sequence.window_edges)
+        assert truth.read_flow is not None
+        for i in range(6):
+            assert np.allclose(truth.read_frame(i + 1), sequence.frames[i], atol=0.5 / 255 + 1e-6)
+            assert np.allclose(truth.read_flow(i + 1), sequence.flow[i], atol=1e-4)
+        assert not truth.read_flow(0).any()
+        windows = plan_windows(recording, BetweenFrames())
+        assert [(w.start, w.stop) for w in windows] == list(pairwise(sequence.event_index))
 
 
 def test_a_recording_without_events_can_be_written(tmp_path):
