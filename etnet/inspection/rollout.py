@@ -5,13 +5,14 @@ The definition stands in `docs/inspect.md`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from etnet.errors import ModelError
+from etnet.errors import Cancelled, ModelError
 from etnet.inspection.sites import Site, sites_of
 from etnet.nets.attention import Attention
 from etnet.nets.padding import TokenGrid
@@ -49,16 +50,33 @@ class _Stack:
     decoders: tuple[tuple[Site, Site], ...]
 
 
-def rollout(attention: Attention, token: int, discard: float = 0.0, tile: int = TILE) -> Rollout:
+def rollout(
+    attention: Attention,
+    token: int,
+    discard: float = 0.0,
+    tile: int = TILE,
+    cancelled: Callable[[], bool] | None = None,
+) -> Rollout:
     """Roll attention out from `token` of the aggregated tokens back to the tokens that each scale puts in.
 
     `discard` drops the smallest share of each token's weights before they are used, the rest is scaled to sum to 1.
-    All sites must have been probed.
+    All sites must have been probed. Costs about as much as a decode; `cancelled` is asked before every tile and ends
+    the work with `Cancelled`.
     """
     if not 0 <= discard < 1:
         raise ValueError(f"discard is {discard}; it is the share of weights to drop, 0 up to below 1")
     stacks = _stacks(attention)
     scales = tuple(stacks)
+
+    def through(site: Site, mass: Tensor) -> Float[Tensor, " tokens"]:
+        """massᵀ A, in tiles of the queries that carry any mass."""
+        result = torch.zeros_like(mass)
+        for queries in mass.nonzero()[:, 0].split(tile):
+            if cancelled is not None and cancelled():
+                raise Cancelled("nobody wants this rollout any more")
+            result += mass[queries] @ head_mean_rows(attention, site.name, queries.tolist(), discard).to(mass)
+        return result
+
     num_tokens = attention.grid.num_tokens
     start = torch.zeros(num_tokens)
     start[token] = 1 / sum(1 + bool(stack.decoders) for stack in stacks.values())
@@ -69,9 +87,9 @@ def rollout(attention: Attention, token: int, discard: float = 0.0, tile: int = 
             continue
         own, memory = start, torch.zeros(num_tokens)
         for attend, read in reversed(stack.decoders):
-            memory = memory + _through(attention, read, own, discard, tile) / 2
+            memory = memory + through(read, own) / 2
             own = own / 2
-            own = (own + _through(attention, attend, own, discard, tile)) / 2
+            own = (own + through(attend, own)) / 2
         leaving[scale] = leaving[scale] + own
         coarser = stack.decoders[0][1].reads(scales[0])
         leaving[coarser] = leaving[coarser] + memory
@@ -80,7 +98,7 @@ def rollout(attention: Attention, token: int, discard: float = 0.0, tile: int = 
     for scale, stack in stacks.items():
         mass = leaving[scale]
         for site in reversed(stack.encoders):
-            mass = (mass + _through(attention, site, mass, discard, tile)) / 2
+            mass = (mass + through(site, mass)) / 2
         entering.append(mass)
     return Rollout(token, scales, torch.stack(entering), attention.grid)
 
@@ -96,14 +114,6 @@ def head_mean_rows(
         rows = rows.scatter(-1, smallest, 0.0)
         rows = rows / rows.sum(-1, keepdim=True)
     return rows
-
-
-def _through(attention: Attention, site: Site, mass: Tensor, discard: float, tile: int) -> Float[Tensor, " tokens"]:
-    """massᵀ A, in tiles of the queries that carry any mass."""
-    result = torch.zeros_like(mass)
-    for queries in mass.nonzero()[:, 0].split(tile):
-        result += mass[queries] @ head_mean_rows(attention, site.name, queries.tolist(), discard).to(mass)
-    return result
 
 
 def _stacks(attention: Attention) -> dict[int, _Stack]:

@@ -8,7 +8,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etnet.errors import ModelError
+from etnet.errors import Cancelled, ModelError
 from etnet.inspection.entropy import choose_head, map_numbers, token_middles
 from etnet.inspection.links import mean_row, strongest_links
 from etnet.inspection.mass import (
@@ -217,3 +217,9 @@ def test_rollout_wants_every_site():
         rollout(small_attention(), 0, discard=1.0)
     with pytest.raises(ModelError, match="no attention was probed"):
         rollout(Attention(GRID, {}, {}, {}), 0)
+
+
+def test_a_rollout_nobody_wants_is_given_up():
+    asked = iter([False] * 5 + [True])
+    with pytest.raises(Cancelled):
+        rollout(small_attention(), 0, tile=4, cancelled=lambda: next(asked))
