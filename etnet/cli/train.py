@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +40,7 @@ def _export(folder: Path, target: Path, best: bool) -> int:
 
     model, card = exported(folder, best)
     save_weights(model, target, card)
-    console.print(f"{target}: {json.dumps(card)}")
+    console.print(f"{target}: {card['title']}, best validation LPIPS {card['best_validation_lpips']:.4f}")
     return 0
 
 

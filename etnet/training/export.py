@@ -26,6 +26,15 @@ def exported(folder: Path, best: bool = False) -> tuple[ETNet, dict[str, Any]]:
         "best_validation_lpips": checkpoint.best,
         "target_tone": checkpoint.config["data"]["target_tone"],
         "seed": checkpoint.config["seed"],
-        "recipe": checkpoint.config,
+        "recipe": {name: _without_folders(value) for name, value in checkpoint.config.items() if name != "out"},
     }
     return model, card
+
+
+def _without_folders(value: object) -> object:
+    """Files by their names alone: where they lay on one machine is nobody's business."""
+    if isinstance(value, dict):
+        return {name: _without_folders(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_without_folders(item) for item in value]
+    return Path(value).name if isinstance(value, str) and "/" in value else value
