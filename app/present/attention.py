@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from etnet.nets.attention import Attention
 
 MapRange = Literal["shared", "per map"]
+_ALIKE = 2.0
+"""× uniform that no token reaches in a row which reads all of them almost alike."""
+_ALIKE_WORDS = "This network reads every place almost alike here: its attention tells little."
 _BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
 
@@ -156,6 +159,8 @@ def _sites(ready: Ready, attention: Attention, look: AttentionLook, on_pick: str
     lead = f'<div class="et-caption et-lead"><span>{where}</span><span class="et-note">{of}</span></div>'
     grid = f'<div class="et-sites" style="--columns:{len(scales)}">{"".join(cells)}</div>'
     hint = '<div class="et-note">click a map to choose that site</div>' if on_pick else ""
+    if all(times_uniform(_row(ready, attention, name, look)).max() < _ALIKE for name in sites):
+        hint = f'<div class="et-note" data-testid="alike">{_ALIKE_WORDS}</div>{hint}'
     return lead + _legend(look) + grid + hint
 
 
@@ -176,7 +181,9 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     chosen = rows.mean(0) if look.head is None or look.head >= len(rows) else rows[look.head]
     who = "mean of all heads" if look.head is None or look.head >= len(rows) else f"head {look.head + 1}"
     num_read = _tokens(chosen)
-    peak = float(times_uniform(chosen).max())
+    token = int(chosen.argmax())
+    peak = float(times_uniform(chosen)[token])
+    x, y = attention.grid.pixel_of(token)
     height, width = ready.frame.shape
     large = picture(
         data_url(_over_frame(ready, look, chosen, None), is_lossless=True),
@@ -189,12 +196,13 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     )
     facts = (
         f'<div class="et-caption"><span>{who}</span><span>reads ≈ <b>{num_read}</b> of {count(rows.shape[-1])} tokens'
-        f" · at most <b>{peak:.3g}</b> × uniform</span></div>"
+        f' · most at <b data-testid="peak" data-token="{token}" data-weight="{float(chosen[token]):.7g}">({x}, {y})</b>:'
+        f" <b>{peak:.3g}</b> × uniform</span></div>"
     )
     cells: list[str] = []
     for head, row in enumerate(rows):
         map_ = _map(attention, look, row, f"head {head + 1}", f"head:{head}", on_pick)
-        label = f"head {head + 1}<br>≈ {_tokens(row)} tokens"
+        label = f"head {head + 1}<br>reads ≈ {_tokens(row)}"
         mark = " et-chosen" if head == look.head else ""
         cells.append(f'<div class="et-thumb{mark}">{map_}<span class="et-label">{label}</span></div>')
     lead = f'<div class="et-lead">{escape(site_words(name, attention.sites))}</div>'

@@ -41,7 +41,7 @@ def entry_of(catalogue, title):
 
 def test_bundled_recordings_come_first_and_each_has_its_own_id():
     entries = Catalogue(ViewerConfig()).entries()
-    assert [entry.kind for entry in entries] == ["bundled"] * len(samples())
+    assert [entry.kind for entry in entries] == ["bundled"] * len(samples()) + ["on demand"]
     assert len({entry.id for entry in entries}) == len(entries)
 
 
@@ -56,7 +56,7 @@ def test_ids_tell_no_path_and_stay_the_same(folder):
     assert [entry.id for entry in first] == [entry.id for entry in second]
     for entry in first:
         assert "/" not in entry.id
-        assert entry.title not in entry.id
+        assert entry.title not in entry.id or entry.kind == "on demand"
         assert str(folder) not in repr(entry)
 
 
@@ -106,6 +106,23 @@ def test_a_new_file_is_found_on_looking_again(folder):
     catalogue = Catalogue(ViewerConfig(data=folder))
     shutil.copy(folder / "inside" / "good.txt", folder / "new.txt")
     assert "new.txt" in [entry.title for entry in catalogue.rescan()]
+
+
+def test_a_recording_on_demand_is_fetched_when_it_is_opened_and_tells_its_terms(folder, monkeypatch):
+    asked = []
+
+    def fetch(sample, progress=None):
+        asked.append(sample.name)
+        return folder / "inside" / "good.txt"
+
+    monkeypatch.setattr("app.catalogue.fetch", fetch)
+    catalogue = Catalogue(ViewerConfig())
+    entry = next(entry for entry in catalogue.entries() if entry.kind == "on demand")
+    assert "non-commercial" in entry.terms
+    assert asked == []
+    assert catalogue.open(entry.id).num_events == 90
+    assert catalogue.open(entry.id).num_events == 90
+    assert asked == ["slider_depth"]
 
 
 def test_models_have_a_card_and_the_wanted_one_is_first():

@@ -250,6 +250,14 @@ def test_the_attention_image_is_the_networks_own_row(ready):
     assert present.attention_image(ready, LOOK, "scale9.encoder.0.self") is None
 
 
+def test_attention_that_tells_little_says_so(ready, monkeypatch):
+    says = present.attention_html(ready, LOOK)
+    assert "tells little" in says  # a fresh network reads all places alike
+    present.PICTURES._values.clear()
+    monkeypatch.setattr(present.attention, "_ALIKE", 0.5)
+    assert "tells little" not in present.attention_html(ready, LOOK)
+
+
 def test_one_head_and_the_mean_differ_in_their_pictures(ready):
     name = ready.attention.sites[0]
     first = present.AttentionLook((20, 30), head=0)
