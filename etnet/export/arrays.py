@@ -96,7 +96,7 @@ def _rows(take: Take, moment: Moment, choice: ArraysChoice) -> Generator[tuple[s
             yield f"state/{i}", _numpy(tensor[0])
     if "attention" in choice.names:
         attention = moment.step.attention
-        if attention is None or not attention.sites:
+        if attention is None or not (choice.sites or attention.sites):
             raise ModelError(f"{take.playback.model.name}: has no attention to export; leave attention out")
         tokens = query_tokens(attention.grid, choice.queries)
         for site in choice.sites or attention.sites:
