@@ -74,9 +74,9 @@ def write_arrays(
     }
     with _opened(path, len(take), facts) as append:
         for moment in take.moments(choice.probe, progress, is_cancelled):
-            append("window", np.int64(moment.window.index))
-            append("t_start", np.int64(moment.window.t_start))
-            append("t_stop", np.int64(moment.window.t_stop))
+            append("window", np.array(moment.window.index, np.int64))
+            append("t_start", np.array(moment.window.t_start, np.int64))
+            append("t_stop", np.array(moment.window.t_stop, np.int64))
             for name, row in _rows(take, moment, choice):
                 append(name, row)
     return len(take)

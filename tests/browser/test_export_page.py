@@ -1,7 +1,6 @@
 """The one-file page in a real browser, opened from disk with the network off."""
 
 import shutil
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,10 +21,7 @@ pytestmark = [
     # Playwright's event loop leaves sockets to the garbage collector.
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
-FLAGS = (
-    "--no-sandbox --disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync --disable-gpu"
-).split()
+FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-gpu"]
 SCRUB = """async (seconds) => {
   const slider = document.getElementById('seek'), moments = Number(slider.max) + 1, start = performance.now();
   let frames = 0;
@@ -52,7 +48,7 @@ INK = """(id) => {
 
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory) -> Path:
-    """The page of a bundled recording, with a small network of random weights: pictures change, quality is no matter."""
+    """The page of a bundled recording, with a small network of random weights."""
     path = tmp_path_factory.mktemp("page") / "prints.html"
     recording = open_recording(next(p for p in samples() if p.stem == "prints"))
     take = Take.of(Playback(made_up_model(), recording, plan_windows(recording, BetweenFrames())))
@@ -80,7 +76,8 @@ def page(browser, page_file, request) -> Iterator:
     )
     page = context.new_page()
     trouble: list[str] = []
-    page.on("console", lambda message: trouble.append(message.text))
+    # Chromium's advice on reading pixels is for this test, which reads them; the page does not.
+    page.on("console", lambda said: None if said.text.startswith("Canvas2D") else trouble.append(said.text))
     page.on("pageerror", lambda error: trouble.append(str(error)))
     page.on("request", lambda request: trouble.append(request.url) if request.url.startswith("http") else None)
     page.goto(page_file.as_uri())
@@ -191,7 +188,7 @@ def test_scrubbing_reaches_thirty_frames_a_second(page):
     for _ in range(4):
         before = busy()
         frames, seconds = page.evaluate(SCRUB, 1.5)
-        best = max(best, frames / seconds, frames / max(busy() - before, 1e-3) if time.monotonic() else 0)
+        best = max(best, frames / seconds, frames / max(busy() - before, 1e-3))
         if best >= 30:
             return
     pytest.fail(f"{best:.1f} frames a second")

@@ -21,10 +21,23 @@ WIDTH, HEIGHT = SENSOR.width, SENSOR.height
 
 def decoded(path, channels=1) -> list[np.ndarray]:
     """Frames as ffmpeg decodes them: a reader that knows nothing of the writer."""
+    capture = [
+        imageio_ffmpeg.get_ffmpeg_exe(),
+        "-v",
+        "error",
+        "-i",
+        str(path),
+        "-f",
+        "rawvideo",
+        "-fps_mode",
+        "passthrough",
+    ]
     kind = "gray" if channels == 1 else "rgb24"
-    reader = imageio_ffmpeg.read_frames(str(path), pix_fmt=kind)
-    width, height = next(reader)["size"]
-    return [np.frombuffer(raw, np.uint8).reshape(height, width, channels).squeeze() for raw in reader]
+    raw = subprocess.run([*capture, "-pix_fmt", kind, "-"], capture_output=True, check=True).stdout
+    width, height = (cv2.VideoCapture(str(path)).get(p) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    return list(
+        np.frombuffer(raw, np.uint8).reshape(-1, int(height), int(width), channels).squeeze(3 if channels == 1 else ())
+    )
 
 
 def test_a_picture_without_stamps_is_the_frame_and_nothing_else():
