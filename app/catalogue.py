@@ -16,9 +16,10 @@ from app.config import ViewerConfig
 from etnet.bundled import models, samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
 from etnet.events.recording import Recording, Remark
+from etnet.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
-Kind = Literal["bundled", "data", "file"]
+Kind = Literal["bundled", "data", "file", "on demand"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
 MAX_ENTRIES = 500
@@ -45,6 +46,10 @@ class Entry:
     kind: Kind
     subtitle: str
     path: Path = field(repr=False)
+    terms: str = ""
+    """What a visitor has to know before he opens it; empty where there is nothing."""
+    remote: RemoteSample | None = field(default=None, repr=False)
+    """What has to be fetched first, for "on demand"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +77,7 @@ class Catalogue:
         self._entries = tuple(_entries(config))
 
     def entries(self) -> tuple[Entry, ...]:
-        """The file of the command line, the bundled recordings, those of the --data folder."""
+        """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched."""
         return self._entries
 
     def rescan(self) -> tuple[Entry, ...]:
@@ -129,13 +134,16 @@ class Catalogue:
         from etnet.events.view import View
 
         try:
+            path = entry.path
+            if entry.remote is not None:
+                path = fetch(entry.remote, progress=progress)
             asked = self._config.downsample
-            recording = open_recording(entry.path, view=View(self._config.region, asked or 1), progress=progress)
+            recording = open_recording(path, view=View(self._config.region, asked or 1), progress=progress)
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
                 whole = recording.sensor
                 recording.close()
-                recording = open_recording(entry.path, view=View(self._config.region, factor), progress=progress)
+                recording = open_recording(path, view=View(self._config.region, factor), progress=progress)
                 text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError:
@@ -173,11 +181,20 @@ def _entries(config: ViewerConfig) -> Iterator[Entry]:
             folder = path.parent.relative_to(config.data)
             where = "" if folder == Path() else f"{folder} · "
             yield _entry(path, "data", f"{where}{_size(path)}")
+    for sample in SAMPLES.values():
+        yield _on_demand(sample)
 
 
 def _entry(path: Path, kind: Kind, subtitle: str) -> Entry:
     name = path.stem if kind == "bundled" else path.name or str(path)
     return Entry(f"{kind}-{_digest(path)}", name, kind, subtitle, path)
+
+
+def _on_demand(sample: RemoteSample) -> Entry:
+    is_here = cached(sample) is not None
+    subtitle = "real, fetched before" if is_here else f"real, fetched once: {sample.num_bytes / 1e6:.0f} MB"
+    path = cache_folder() / sample.name
+    return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)
 
 
 def _digest(path: Path) -> str:

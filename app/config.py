@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 import tyro
 
-from app.intents import Precision
 from etnet.errors import EtnetError
 
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
@@ -41,7 +40,7 @@ class ViewerConfig:
     """A bundled model's name, or a weights file."""
     device: str = "cpu"
     """Where the network runs: cpu, cuda, cuda:1 …"""
-    precision: Precision = "auto"
+    precision: Literal["auto", "fp32", "bf16"] = "auto"
     """auto takes the faster of fp32 and bf16 on this machine."""
     host: str = "127.0.0.1"
     """Where to listen. Any host but this machine's own needs --token."""

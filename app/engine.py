@@ -1,10 +1,9 @@
-"""The engine: one thread that runs the model for all visitors. Nobody waits for it; it calls when something is there."""
+"""The engine: one thread runs the model for all visitors. Nobody waits for it; it calls when something is there."""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float32
 
+from app.prefetch import Prefetcher
 from app.studio import Library, Loader, Pace, Stage, Studio, is_exact
 from app.wishbook import Deliver, Turn, WishBook
 from app.wishes import Failed, Ready, Reply, Wish, Working
@@ -30,8 +30,6 @@ PATIENCE = 1_000.0
 """A seek that will take longer (ms) shows an approximate frame first."""
 SLOW_STEP = 2_000.0
 """A step expected to take longer (ms) is announced before the first one."""
-NEAR, FRAMES_AHEAD, STATES_AHEAD = 8, 24, 64
-"""Windows that are prepared ahead of a visitor while nobody waits."""
 REPORT_INTERVAL = 0.2
 """Seconds between two reports of what is cached while a seek runs."""
 
@@ -65,7 +63,7 @@ class Engine:
     ) -> None:
         self._studio = Studio(library, budget_bytes, device, threads, load)
         self._book = WishBook()
-        self._prefetches = prefetches
+        self._prefetcher = Prefetcher(self._studio, self._book) if prefetches else None
         self._to_prepare: tuple[str, str] | None = None
         self._is_stopping = False
         self._is_loading = False
@@ -73,7 +71,6 @@ class Engine:
         self._paces: dict[tuple[object, ...], Pace] = {}
         self._precisions: dict[tuple[str, str], str] = {}
         self._reported_at = 0.0
-        self._ahead: dict[str, tuple[Turn, Iterator[tuple[str, int]]]] = {}
         self._thread = Thread(target=self._run, daemon=True, name="engine")
         self._thread.start()
 
@@ -115,7 +112,7 @@ class Engine:
     def _run(self) -> None:
         while True:
             with self._book.changed:
-                while not (self._is_stopping or self._book.num_waiting or self._to_prepare or self._has_ahead()):
+                while not (self._is_stopping or self._has_work()):
                     self._book.changed.wait()
                 if self._is_stopping:
                     return
@@ -124,8 +121,12 @@ class Engine:
                 self._serve(turn)
             elif self._to_prepare is not None:
                 self._prepare_model()
-            else:
-                self._prefetch()
+            elif self._prefetcher is not None:
+                self._prefetcher.work(self._is_wanted_elsewhere, self._report)
+
+    def _has_work(self) -> bool:
+        prefetches = self._prefetcher is not None and self._prefetcher.has_work()
+        return bool(self._book.num_waiting or self._to_prepare or prefetches)
 
     def _serve(self, turn: Turn) -> None:
         try:
@@ -176,7 +177,9 @@ class Engine:
             finally:
                 self._is_loading = False
             self._note_precision(wish.model_id, wish.precision)
-            self._paces[wish.playback] = stage.pace
+            held = self._studio.held_keys()
+            self._reports = {key: report for key, report in self._reports.items() if key in held}
+            self._paces = {**{key: pace for key, pace in self._paces.items() if key in held}, wish.playback: stage.pace}
             if stage.expected_step > SLOW_STEP:
                 seconds = stage.expected_step / 1000
                 size = stage.playback.recording.sensor
@@ -268,63 +271,8 @@ class Engine:
         runtime = getattr(model, "runtime", None)
         self._precisions[model_id, precision] = runtime.precision if runtime else "fp32"
 
-    def _has_ahead(self) -> bool:
-        """Whether some visitor's next windows are not prepared yet; drops the plans of those who left."""
-        if not self._prefetches:
-            return False
-        turns = {turn.visitor: turn for turn in self._book.last_turns()}
-        for visitor in [name for name, (turn, _) in self._ahead.items() if turns.get(name) is not turn]:
-            del self._ahead[visitor]
-        for visitor, turn in turns.items():
-            stage = self._studio.held_stage(turn.wish)
-            if visitor not in self._ahead and stage is not None and turn.wish.intervention == ORIGINAL:
-                jobs = windows_ahead(turn.wish.index, len(stage.windows), stage.num_states)
-                self._ahead[visitor] = (turn, jobs)
-        return any(self._ahead[visitor][1] is not _DONE for visitor in self._ahead)
-
-    def _prefetch(self) -> None:
-        """One job for the visitor served last who has any left. Each job of a wish is tried once."""
-        for visitor, (turn, jobs) in list(self._ahead.items()):
-            stage = self._studio.held_stage(turn.wish)
-            job = next(jobs, None) if stage is not None else None
-            if job is None or stage is None:
-                self._ahead[visitor] = (turn, _DONE)
-                continue
-            kind, index = job
-            try:
-                if kind == "state":
-                    stage.playback.lay_state(index, self._is_wanted_elsewhere)
-                elif not stage.playback.has_frame(index):
-                    stage.playback.at(index, cancelled=self._is_wanted_elsewhere)
-                self._report(turn.wish, stage)
-            except Cancelled:
-                return
-            except Exception:
-                _log.info("preparing window %d failed; a wish for it will say why", index, exc_info=True)
-                self._ahead[visitor] = (turn, _DONE)
-            return
-
     def _is_wanted_elsewhere(self) -> bool:
         return self._is_stopping or self._book.num_waiting > 0
-
-
-_DONE: Iterator[tuple[str, int]] = iter(())
-
-
-def windows_ahead(index: int, num_windows: int, num_states: int) -> Iterator[tuple[str, int]]:
-    """What to prepare after window `index`, in order: ("state" | "frame", window).
-
-    Near states first (a seek there then costs one decode), near frames, then states further on. Never more states
-    than half of what fits, so that those around the visitor stay.
-    """
-    last = num_windows - 1
-    room = min(STATES_AHEAD, num_states // 2)
-    for ahead in range(1, min(NEAR, room, last - index) + 1):
-        yield "state", index + ahead
-    for ahead in range(1, min(FRAMES_AHEAD, last - index) + 1):
-        yield "frame", index + ahead
-    for ahead in range(FRAMES_AHEAD + 1, min(room, last - index) + 1):
-        yield "state", index + ahead
 
 
 def _ready(

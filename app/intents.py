@@ -58,13 +58,6 @@ class Seek:
 
 
 @dataclass(frozen=True, slots=True)
-class SeekFraction:
-    """Go to a place on the timeline, 0 … 1, and stop playing."""
-
-    fraction: float
-
-
-@dataclass(frozen=True, slots=True)
 class SeekTime:
     """Go to the window that is on show `seconds` after the recording's first event, and stop playing."""
 
@@ -129,8 +122,8 @@ class QueryFraction:
 
 
 @dataclass(frozen=True, slots=True)
-class ChooseSite:
-    """Show this attention site large ("scale1.encoder.0.self")."""
+class OpenSite:
+    """Show this attention site ("scale1.encoder.0.self") large, with its heads beside each other."""
 
     site: str
 
@@ -143,10 +136,8 @@ class ChooseHead:
 
 
 @dataclass(frozen=True, slots=True)
-class OpenHeads:
-    """Show the heads of the chosen site beside each other instead of all sites."""
-
-    is_open: bool
+class CloseSite:
+    """Show all attention sites again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +196,6 @@ Intent = (
     | ChoosePolicy
     | Settle
     | Seek
-    | SeekFraction
     | SeekTime
     | Move
     | TogglePlay
@@ -215,9 +205,9 @@ Intent = (
     | ShowWorkspace
     | Query
     | QueryFraction
-    | ChooseSite
+    | OpenSite
+    | CloseSite
     | ChooseHead
-    | OpenHeads
     | ChooseEventImage
     | ChooseTone
     | SetOverlay

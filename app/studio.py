@@ -24,7 +24,11 @@ if TYPE_CHECKING:
     from etnet.playback.playback import Playback
 
 WARM_UP = 20
-"""Windows after which a cold start is called warm, for models whose card does not say."""
+"""Windows after which a cold start is called warm, for models whose card does not say.
+
+Measured with the first weights of `etnet-half`: after 20 windows a preview differs from the exact frame by 9–16 % of
+the frame's standard deviation (mean absolute; `slider_depth`, `astronaut`), after 8 by 28–40 %, after 30 by 3–9 %.
+"""
 KEPT_MODELS = 2
 KEPT_PLAYBACKS = 4
 ATTENTION_SHARE = 0.125
@@ -32,7 +36,7 @@ ATTENTION_SHARE = 0.125
 
 _TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
 _GROWTH = 1.2
-"""A step's time grows with this power of the number of pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
+"""A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
 
 Loader = Callable[[ModelEntry, str, str], Any]
 """(model entry, precision, device) → a reconstructor that is ready to run."""
@@ -149,6 +153,10 @@ class Studio:
     def held_stage(self, wish: Wish) -> Stage | None:
         """The playback for a wish if there is one; makes none."""
         return self._stages.get(wish.playback)
+
+    def held_keys(self) -> frozenset[tuple[object, ...]]:
+        """Which playbacks are kept, by `Wish.playback`."""
+        return frozenset(self._stages)
 
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""

@@ -16,6 +16,8 @@ from etnet.windows import Policy, Window
 SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Recording seconds per second that the transport offers."""
 NUM_HEADS_CAP = 64
+WARM_WINDOW = 20
+"""Where a recording that was never looked at is opened: the network has seen enough there to draw well."""
 SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
 
 
@@ -92,9 +94,6 @@ def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> Vi
             return replace(state, index=limits.clamp_index(index), is_playing=False)
         case ask.Move(num_windows):
             return replace(state, index=limits.clamp_index(state.index + num_windows), is_playing=False)
-        case ask.SeekFraction(fraction):
-            last = len(limits.windows or ()) - 1
-            return replace(state, index=limits.clamp_index(round(_unit(fraction) * last)), is_playing=False)
         case ask.SeekTime(seconds):
             t = limits.start + round(min(max(_finite(seconds), 0.0), 1e9) * 1e6)
             return replace(state, index=limits.index_at(t), is_playing=False)
@@ -139,6 +138,8 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
             return replace(state, policy=policy, moment=moment, is_playing=False)
         case ask.Settle(policy):
             index = state.index if state.moment is None else limits.index_at(state.moment)
+            if state.policy is None and index == 0:
+                index = min(WARM_WINDOW, len(limits.windows or ()) // 2)
             settled = replace(state, policy=policy, index=limits.clamp_index(index), moment=None)
             return settled if state.query is None else reduce(settled, ask.Query(*state.query), limits)
     return None
@@ -157,12 +158,12 @@ def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewSt
         case ask.ShowWorkspace(workspace):
             # The attention workspace is a flat view of one map; the others look into the window's depth.
             return replace(state, workspace=workspace, camera="front" if workspace == "attention" else "orbit")
-        case ask.ChooseSite(site):
-            return replace(state, site=site) if SITE_PATTERN.fullmatch(site) else state
+        case ask.OpenSite(site):
+            return replace(state, site=site, opens_heads=True) if SITE_PATTERN.fullmatch(site) else state
+        case ask.CloseSite():
+            return replace(state, opens_heads=False)
         case ask.ChooseHead(head):
             return replace(state, head=None if head is None else min(max(head, 0), NUM_HEADS_CAP - 1))
-        case ask.OpenHeads(is_open):
-            return replace(state, opens_heads=is_open)
         case ask.ChooseEventImage(event_image):
             return replace(state, event_image=event_image)
         case ask.ChooseTone(tone):

@@ -6,10 +6,14 @@ from collections import Counter
 import pytest
 from jaxtyping import install_import_hook
 
+from tests import typecheck
 from tests.real_data import DATA
 
 # Shapes and types of every annotated function below are checked at each call.
-install_import_hook(["etnet.nets", "etnet.playback", "etnet.reconstruction"], "beartype.beartype")
+install_import_hook(
+    ["etnet.events", "etnet.inspection", "etnet.nets", "etnet.playback", "etnet.reconstruction", "etnet.simulation"],
+    f"{typecheck.__name__}.enforced",
+)
 
 _real: Counter[str] = Counter()
 _left_out: Counter[str] = Counter()

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from etnet.bundled import bundled_folder, samples
+from etnet.events.events import Sensor
+from etnet.events.open import open_recording
+from etnet.windows import BetweenFrames, plan_windows
 
 CARD = (bundled_folder() / "samples" / "README.md").read_text()
 
@@ -46,6 +49,14 @@ def test_the_card_tells_the_truth(path):
     assert frames.shape == (51, 180, 240)
     assert (np.diff(events["ts"]) >= 0).all()
     assert 0.2 <= density.mean() <= 0.4
+
+
+@pytest.mark.parametrize("path", samples(), ids=lambda path: path.stem)
+def test_it_opens_with_nothing_to_mend_and_fifty_windows(path):
+    with open_recording(path) as recording:
+        assert not [remark for remark in recording.remarks if remark.kind != "detected"]
+        assert recording.sensor == Sensor(240, 180)
+        assert len(plan_windows(recording, BetweenFrames())) == 50
 
 
 @pytest.mark.parametrize("path", samples(), ids=lambda path: path.stem)

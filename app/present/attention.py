@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from etnet.nets.attention import Attention
 
 MapRange = Literal["shared", "per map"]
+_ALIKE = 2.0
+"""× uniform that no token reaches in a row which reads all of them almost alike."""
+_ALIKE_WORDS = "This network reads every place almost alike here: its attention tells little."
 _BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
 
@@ -152,9 +155,12 @@ def _sites(ready: Ready, attention: Attention, look: AttentionLook, on_pick: str
         cells += [_site_cell(ready, attention, look, by_place.get((row, scale)), on_pick) for scale in scales]
     where = f"What pixel ({look.query[0]}, {look.query[1]}) reads"
     who = "mean of all heads" if look.head is None else f"head {look.head + 1}"
-    lead = f'<div class="et-caption et-lead"><span>{where}</span><span class="et-note">{who}</span></div>'
+    of = f"of {count(attention.grid.num_tokens)} tokens · {who}"
+    lead = f'<div class="et-caption et-lead"><span>{where}</span><span class="et-note">{of}</span></div>'
     grid = f'<div class="et-sites" style="--columns:{len(scales)}">{"".join(cells)}</div>'
     hint = '<div class="et-note">click a map to choose that site</div>' if on_pick else ""
+    if all(times_uniform(_row(ready, attention, name, look)).max() < _ALIKE for name in sites):
+        hint = f'<div class="et-note" data-testid="alike">{_ALIKE_WORDS}</div>{hint}'
     return lead + _legend(look) + grid + hint
 
 
@@ -163,9 +169,9 @@ def _site_cell(ready: Ready, attention: Attention, look: AttentionLook, name: st
         return "<span></span>"
     site = Site.of(name)
     row = _row(ready, attention, name, look)
-    reads = f"≈ {count(max(1, round(float(tokens_read(row)))))} of {count(row.shape[-1])}"
+    reads = f"reads ≈ {_tokens(row)}"
     if site.kind == "cross":
-        reads = f"{resolution(site.scale)} reads {resolution(_source(site, attention.sites))}<br>{reads}"
+        reads = f"{resolution(site.scale)} reads {resolution(_source(site, attention.sites))}<br>≈ {_tokens(row)}"
     map_ = _map(attention, look, row, site_words(name, attention.sites), f"site:{name}", on_pick)
     return f'<div class="et-thumb" data-testid="{escape(name)}">{map_}<span class="et-label">{reads}</span></div>'
 
@@ -174,8 +180,10 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     rows = _rows(ready, attention, name, look.query)
     chosen = rows.mean(0) if look.head is None or look.head >= len(rows) else rows[look.head]
     who = "mean of all heads" if look.head is None or look.head >= len(rows) else f"head {look.head + 1}"
-    num_read = count(max(1, round(float(tokens_read(chosen)))))
-    peak = float(times_uniform(chosen).max())
+    num_read = _tokens(chosen)
+    token = int(chosen.argmax())
+    peak = float(times_uniform(chosen)[token])
+    x, y = attention.grid.pixel_of(token)
     height, width = ready.frame.shape
     large = picture(
         data_url(_over_frame(ready, look, chosen, None), is_lossless=True),
@@ -188,12 +196,13 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     )
     facts = (
         f'<div class="et-caption"><span>{who}</span><span>reads ≈ <b>{num_read}</b> of {count(rows.shape[-1])} tokens'
-        f" · at most <b>{peak:.3g}</b> × uniform</span></div>"
+        f' · most at <b data-testid="peak" data-token="{token}" data-weight="{float(chosen[token]):.7g}">({x}, {y})</b>:'
+        f" <b>{peak:.3g}</b> × uniform</span></div>"
     )
     cells: list[str] = []
     for head, row in enumerate(rows):
         map_ = _map(attention, look, row, f"head {head + 1}", f"head:{head}", on_pick)
-        label = f"head {head + 1} · ≈ {count(max(1, round(float(tokens_read(row)))))}"
+        label = f"head {head + 1}<br>reads ≈ {_tokens(row)}"
         mark = " et-chosen" if head == look.head else ""
         cells.append(f'<div class="et-thumb{mark}">{map_}<span class="et-label">{label}</span></div>')
     lead = f'<div class="et-lead">{escape(site_words(name, attention.sites))}</div>'
@@ -238,6 +247,10 @@ def _rows(ready: Ready, attention: Attention, site: str, query: tuple[int, int])
 def _row(ready: Ready, attention: Attention, site: str, look: AttentionLook) -> Float[np.ndarray, " keys"]:
     rows = _rows(ready, attention, site, look.query)
     return rows.mean(0) if look.head is None or look.head >= len(rows) else rows[look.head]
+
+
+def _tokens(row: np.ndarray) -> str:
+    return count(max(1, round(float(tokens_read(row)))))
 
 
 def _highest(row: np.ndarray, look: AttentionLook) -> float:

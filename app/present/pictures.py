@@ -18,9 +18,9 @@ from etnet.render.events import BUSY, EventStyle, event_image
 from etnet.render.tone import Tone, resolve, tone_map
 
 _TONE_WORDS = {
-    "raw": "brightness as the network gives it",
-    "gamma": "brightness for a screen (gamma 2.2)",
-    "robust": "brightness stretched to the 1st … 99th percentile",
+    "raw": "brightness as it comes",
+    "gamma": "display gamma 2.2",
+    "robust": "stretched, 1st … 99th percentile",
 }
 
 
@@ -86,9 +86,7 @@ def reconstruction_html(
         size=(width, height),
     )
     lags = "et-lags" if wanted not in (None, ready.wish.index) else ""
-    tone = resolve(tones.tone, tones.is_linear_light)
-    words = f'<div class="et-note">{escape(_TONE_WORDS[tone])}</div>'
-    return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready), words)
+    return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones))
 
 
 def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, failed: Failed | None) -> str:
@@ -114,7 +112,7 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
     )
 
 
-def badges(ready: Ready) -> str:
+def badges(ready: Ready, tones: Tones) -> str:
     """What may be claimed of this frame, as small badges."""
     found: list[str] = []
     if ready.is_exact:
@@ -131,7 +129,8 @@ def badges(ready: Ready) -> str:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold:
         found.append(chip("warming up", "plain", "Near the first window the network has seen too little to be sure"))
-    found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)}</span>')
+    tone = _TONE_WORDS[resolve(tones.tone, tones.is_linear_light)]
+    found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)} · {escape(tone)}</span>')
     return f'<div class="et-chips">{"".join(found)}</div>'
 
 
@@ -202,7 +201,7 @@ def _event_image_html(moment: Moment, style: EventStyle, on_pick: str) -> str:
 def _event_legend(style: EventStyle, limit: float) -> str:
     match style:
         case "polarity":
-            return f'<div class="et-note">hue: the newest event · full from {BUSY} events on</div>'
+            return f'<div class="et-note">hue: the newest event · strongest from {BUSY} events on</div>'
         case "count":
             ticks = [(0.0, "0"), (1.0, f"≥ {short(limit)}")]
             return legend("events per pixel, both polarities", css_gradient(counting()), ticks)

@@ -66,15 +66,17 @@ _SHEET = """
 .et-thumb{display:flex;flex-direction:column;gap:2px;min-width:0}
 .et-label{font-size:var(--small);color:var(--s);line-height:1.25}
 .et-thumb>.et-label{text-align:center;white-space:nowrap}
-.et-sites{display:grid;grid-template-columns:minmax(62px,1fr) repeat(var(--columns),auto);gap:8px 5px;
+.et-sites{display:grid;grid-template-columns:minmax(68px,1fr) repeat(var(--columns),auto);gap:8px 4px;
  align-items:start}
 .et-sites>.et-head{text-align:center;line-height:1.2;align-self:end}
 .et-head b{font-size:var(--body);font-weight:600}.et-head span{display:block;font-size:var(--small);color:var(--s)}
-.et-name{font-size:var(--small);line-height:1.25;padding-top:2px}.et-name b{display:block;font-weight:600}
+.et-name{font-size:var(--small);line-height:1.25;padding-top:2px}
+.et-name b{display:block;font-weight:600;white-space:nowrap}
 .et-name span{color:var(--s)}
 .et-map{background:var(--base) 0 0/100%% 100%% var(--g);border-radius:2px}
 .et-map>img{width:100%%}
-.et-sites .et-map{width:round(down,calc((100cqw - 62px - 5px*var(--columns))/var(--columns)),calc(var(--n)*1px));
+.et-sites .et-map,.et-heads .et-map{margin:0 auto}
+.et-sites .et-map{width:round(down,calc((100cqw - 68px - 4px*var(--columns))/var(--columns)),calc(var(--n)*1px));
  min-width:calc(var(--n)*1px)}
 .et-heads{display:grid;grid-template-columns:repeat(4,auto);justify-content:space-between;gap:8px 4px}
 .et-heads .et-map{width:round(down,calc((100cqw - 12px)/4),calc(var(--n)*1px));min-width:calc(var(--n)*1px)}

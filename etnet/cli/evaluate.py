@@ -7,15 +7,17 @@ import json
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
 from rich.markup import escape
 
-from etnet.cli.progress import console, progress_callback
+from etnet.cli.progress import console, fraction_callback
+from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.events.assumptions import Assumptions
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges
@@ -31,8 +33,9 @@ RULES = 1
 class Evaluate:
     """Score every model on every recording. What is done is kept under --out, so that a second call goes on."""
 
-    items: tyro.conf.Positional[tuple[str, ...]]
-    """Models (bundled names, .safetensors files) and recordings with ground truth (files, folders, zips), mixed."""
+    items: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Models (bundled names, .safetensors files) and recordings with ground truth (files, folders, zips), mixed.
+    None at all: the bundled models on the bundled samples."""
     protocol: Literal["paper", "evreal"] = "paper"
     """paper: ET-Net's evaluation code. evreal: EVREAL's."""
     out: Path = Path("evaluation")
@@ -44,6 +47,8 @@ class Evaluate:
     """auto: LPIPS-VGG beside LPIPS-Alex when its weights are installed. alex: never. vgg: insist."""
     flow: Literal["auto", "file"] = "auto"
     """Temporal consistency without flow in the file. auto: estimate it with DIS. file: print n/a."""
+    assume: Assumptions = field(default_factory=Assumptions)
+    """What the recordings do not say themselves."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ def run(config: Evaluate) -> int:
     """Do it; 1 when any pair failed, and the report names it."""
     from etnet.evaluation.report import Failure
 
-    models, recordings = sort_items(config.items)
+    models, recordings = sort_items(config.items) if config.items else _bundled()
     jobs = _jobs(config, models, recordings)
     rank, num_ranks = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
     judges = _judges(config)
@@ -104,6 +109,12 @@ def sort_items(items: tuple[str, ...]) -> tuple[list[str], list[Path]]:
     return models, recordings
 
 
+def _bundled() -> tuple[list[str], list[Path]]:
+    from etnet.bundled import models, samples
+
+    return [path.stem for path in models()], list(samples())
+
+
 def _jobs(config: Evaluate, models: list[str], recordings: list[Path]) -> list[Job]:
     folder = config.out / "scores"
     folder.mkdir(parents=True, exist_ok=True)
@@ -137,13 +148,13 @@ def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: st
     from etnet.evaluation.evaluate import evaluate
     from etnet.evaluation.protocol import PROTOCOLS
     from etnet.evaluation.scores import read_scores, write_scores
-    from etnet.events.open import open_recording
 
     key = _key(config, job, judges, _weights_digest(model))
     kept = read_scores(job.target, key)
     if kept is not None:
         return kept
-    with open_recording(job.recording) as recording, progress_callback(escape(label)) as progress:
+    recording = open_with_progress(job.recording, Opening(config.assume))
+    with recording, fraction_callback(escape(label)) as progress:
         scores = evaluate(
             model,
             recording,
@@ -162,8 +173,9 @@ def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
     """All that the numbers depend on."""
     files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
+    choices = [config.protocol, config.whole, config.flow, config.device, repr(config.assume)]
     judged = "alex+vgg" if judges.lpips_vgg else "alex"
-    facts = [RULES, config.protocol, config.whole, config.flow, judged, config.device, weights, stats]
+    facts = [RULES, choices, judged, weights, stats]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
 
 
@@ -222,8 +234,8 @@ def _write_report(report: Report, out: Path) -> None:
     if report.scores:
         _write_text(out / "report.svg", plot_scores(report.scores))
         console.print(report.to_table())
-    for failure in report.failures:
-        _say(f"failed: {failure.model} on {failure.recording}: {failure.reason}")
+    for note in report.notes():
+        _say(note)
     _say(f"wrote {out / 'report.md'}, report.json and report.svg")
 
 

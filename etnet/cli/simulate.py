@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from etnet.cli.progress import console, progress_callback
+from etnet.cli.progress import console, fraction_callback
 from etnet.simulation.config import SceneConfig, SensorConfig, SequenceConfig
 from etnet.simulation.dataset import write_dataset
 from etnet.simulation.pictures import PicturePool, Split
@@ -65,9 +65,9 @@ class Simulate:
 
 def run(config: Simulate) -> int:
     """Write the recordings; 0 when all are there."""
-    with progress_callback("pictures") as progress:
+    with fraction_callback("pictures") as progress:
         pictures = PicturePool.from_folder(config.photos, config.cutouts, config.split, progress=progress)
-    with progress_callback("recordings") as progress:
+    with fraction_callback("recordings") as progress:
         write_dataset(config.out, pictures, config.sequence, config.num, config.seed, config.flow, progress)
     console.print(f"{config.num} recordings in {config.out}")
     return 0

@@ -26,8 +26,8 @@ from etnet.events.recording import GroundTruth, Recording
 from etnet.nets.base import Reconstructor
 from etnet.reconstruction import window_voxel
 
-Progress = Callable[[int, int], None]
-"""Called with the steps done and the steps there are."""
+Progress = Callable[[float], None]
+"""Called with the fraction done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,15 +142,11 @@ def _replay(
     device = next(iter(model.parameters())).device if isinstance(model, torch.nn.Module) else torch.device("cpu")
     for done, item in enumerate(plan.items, start=1):
         voxel = window_voxel(model, recording, item.window)[None].to(device)
-        if item.frame is None and hasattr(model, "encode"):
-            _, state = model.encode(voxel, state)
-        else:
-            step = model(voxel, state)
-            state = step.state
-            if item.frame is not None:
-                yield item, step.frame.float()
+        pyramid, state = model.encode(voxel, state)
+        if item.frame is not None:
+            yield item, model.decode(pyramid)[0].float()
         if on_progress is not None:
-            on_progress(done, len(plan.items))
+            on_progress(done / len(plan.items))
 
 
 class _FlowOf:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
 from etnet.evaluation.bootstrap import Interval, block_bootstrap
@@ -18,6 +20,14 @@ from etnet.evaluation.scores import ROWS, TITLES, Measure, Row, Scores, average_
 SEED = 0
 """Of the resampling, so that a report written twice is the same."""
 DIGITS = 4
+SHORT_TITLES: dict[Measure, str] = {
+    "mse": "MSE↓",
+    "ssim": "SSIM↑",
+    "lpips": "LPIPS↓",
+    "lpips_vgg": "VGG↓",
+    "temporal": "TC↓",
+}
+"""The measures that have a better and a worse, as the terminal names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,19 +106,23 @@ class Report:
         return lines
 
     def to_table(self) -> Table:
-        """For the terminal."""
-        table = Table(title=f"protocol {self.protocol}", caption="\n".join(self.notes()), caption_justify="left")
-        for title in ("", "scored", "frames"):
-            table.add_column(title, justify="right" if title == "frames" else "left", no_wrap=title != "")
-        for measure in self.measures:
-            table.add_column(TITLES[measure], justify="right", no_wrap=True)
-        before = ""
+        """For a terminal of 80 columns: no interval but that of LPIPS. The notes are not in it."""
+        measures: list[Measure] = [measure for measure in SHORT_TITLES if measure in self.measures]
+        table = Table(title=f"protocol {self.protocol}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table.add_column("", no_wrap=True)
+        for title in ("frames", *(SHORT_TITLES[measure] for measure in measures), "LPIPS 95 %"):
+            table.add_column(title, justify="right", no_wrap=True)
+        before = None
         for line in self.lines():
-            if before and line.group != before:
-                table.add_section()
-            cells = [_cell(line.values.get(measure), measure) for measure in self.measures]
-            table.add_row("" if line.group == before else line.group, line.label, str(line.num_frames), *cells)
+            if line.group != before:
+                if before is not None:
+                    table.add_section()
+                table.add_row(f"[bold]{escape(line.group)}[/bold]")
             before = line.group
+            label = line.model if line.row == "as it is" else line.row
+            numbers = [_short(line.values[measure].mean, measure) for measure in measures]
+            bounds = [_short(bound, "lpips") for bound in line.values["lpips"][1:]]
+            table.add_row(escape(label), str(line.num_frames), *numbers, "–".join(bounds))
         return table
 
     def to_markdown(self) -> str:
@@ -170,6 +184,13 @@ def _cell(value: Interval | None, measure: Measure) -> str:
     if measure in ("lpips", "lpips_vgg"):
         return f"{value.mean:.{DIGITS}f} [{value.low:.3f}, {value.high:.3f}]"
     return f"{value.mean:.{DIGITS}f}"
+
+
+def _short(value: float, measure: Measure) -> str:
+    """As papers print it: no leading zero."""
+    if math.isnan(value):
+        return "n/a"
+    return f"{value:.{4 if measure == 'mse' else 3}f}".replace("0.", ".", 1)
 
 
 def _describe(protocol: Protocol) -> str:

@@ -67,7 +67,6 @@ class EventCache:
     """Takes events in pieces and gives them back as four whole columns."""
 
     scratch: Scratch
-    memory_cap: int = MEMORY_CAP
     num_events: int = 0
     _pieces: list[Columns] = field(default_factory=list)
     _num_held: int = 0
@@ -78,7 +77,7 @@ class EventCache:
         self._pieces.append(piece)
         self.num_events += len(piece.t)
         self._num_held += len(piece.t)
-        if self._num_held * BYTES_PER_EVENT > self.memory_cap:
+        if self._num_held * BYTES_PER_EVENT > MEMORY_CAP:
             self._spill()
 
     def columns(self) -> Columns:
@@ -141,7 +140,6 @@ class FrameCache:
     """Frames of one shape and type, kept as they came; beyond the cap they lie in a scratch file."""
 
     scratch: Scratch
-    memory_cap: int = MEMORY_CAP
     _frames: list[np.ndarray] = field(default_factory=list)
     _num_bytes: int = 0
     _num_spilled: int = 0
@@ -150,7 +148,7 @@ class FrameCache:
         """Keep a frame; all must be alike."""
         self._frames.append(frame)
         self._num_bytes += frame.nbytes
-        if self._num_bytes > self.memory_cap:
+        if self._num_bytes > MEMORY_CAP:
             with self.scratch.path("frames", self._num_bytes).open("ab") as file:
                 for held in self._frames:
                     held.tofile(file)

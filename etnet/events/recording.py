@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, Int64
@@ -67,6 +67,7 @@ class GroundTruth:
         return after if self.stamps[after] - t < t - self.stamps[after - 1] else after - 1
 
 
+@runtime_checkable
 class EventSource(Protocol):
     """Where a recording's events lie. `read` is a slice by index, safe from two threads, ordered in time."""
 

@@ -33,8 +33,8 @@ class E2VIDConfig:
     base_channels: int = 32
     residual_blocks: int = 2
     skips: bool = True
-    outputs: Literal[1, 3] = 1
-    """3: frame, flow x, flow y; the frame is channel 0."""
+    outputs: int = 1
+    """1: the frame alone. 3: frame, flow x, flow y; the frame is channel 0."""
     final: Literal["sigmoid", "none"] = "sigmoid"
     """E2VID+ ends without an activation, so that its frames are unbounded."""
     normalise_voxels: bool = True

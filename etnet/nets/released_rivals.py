@@ -82,7 +82,7 @@ def e2vid_config_of(state: Mapping[str, Tensor]) -> E2VIDConfig:
         bins=state["head.conv.weight"].shape[1],
         base_channels=state["head.conv.weight"].shape[0],
         residual_blocks=len({name.split(".")[1] for name in state if name.startswith("residuals.")}),
-        outputs=outputs,  # pyright: ignore[reportArgumentType]  the configuration checks it
+        outputs=outputs,
         final="none" if is_plus else "sigmoid",
         normalise_voxels=not is_plus,
         post_processing="none" if is_plus else "robust",

@@ -10,7 +10,7 @@ from etnet.render.colours import QUERY, sequential
 
 LOWEST, HIGHEST = 0.25, 32.0
 """× uniform at which the shared, logarithmic range begins and ends."""
-DIM = 0.45
+DIM = 0.6
 """How much of the frame's brightness stays under the overlay."""
 
 

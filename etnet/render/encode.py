@@ -13,7 +13,7 @@ Image = UInt8[np.ndarray, "h w"] | UInt8[np.ndarray, "h w 3"] | UInt8[np.ndarray
 
 def png(image: Image) -> bytes:
     """Lossless; RGB or RGBA order."""
-    return _encode(image, ".png", [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    return _encode(image, ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1])
 
 
 def jpeg(image: Image, quality: int = 88) -> bytes:

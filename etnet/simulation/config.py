@@ -80,6 +80,8 @@ class SceneConfig:
     """How many random shapes are shaded smoothly instead of textured from a photo."""
     smooth_share: float = 0.2
     """How many clips consist of large smooth objects, whose insides can only be known from far away."""
+    smooth_scale: float = 2.5
+    """How much larger than `object_size` their objects are."""
     static_camera_share: float = 0.12
     """How many clips have a resting background; it needs an object that moves."""
     ride_share: float = 0.5
@@ -119,7 +121,7 @@ class SceneConfig:
             check_share(name, getattr(self, name))
         for name in ("resting_share", "halting_share", "pause_start", "pause_stay", "long_pause_stay"):
             check_share(name, getattr(self, name))
-        for name in ("density", "max_speed_px"):
+        for name in ("density", "max_speed_px", "smooth_scale"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; wanted a number above 0")
 

@@ -24,11 +24,11 @@ def write_dataset(
     num_sequences: int,
     seed: int,
     with_flow: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[Path, ...]:
     """Write sequence_00000.h5 … and return their paths; what is there already is kept, if its settings are these.
 
-    Sequence i depends on (pictures, config, seed, i) alone. `progress(done, of)` counts recordings.
+    Sequence i depends on (pictures, config, seed, i) alone. `progress` hears the fraction done.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / f"sequence_{i:05d}.h5" for i in range(num_sequences))
@@ -42,7 +42,7 @@ def write_dataset(
             attributes = {"source": "etnet.simulation", "settings": settings, "index": i, "drawn": drawn}
             write_take(path, take_of(sequence, with_flow), attributes)
         if progress is not None:
-            progress(i + 1, num_sequences)
+            progress((i + 1) / num_sequences)
     return paths
 
 

@@ -15,6 +15,8 @@ from jaxtyping import Float32, Float64, UInt8
 from etnet.errors import EtnetError
 
 Grey = UInt8[np.ndarray, "h w"]
+Greys = Sequence[UInt8[np.ndarray, "_ _"]]
+"""Pictures of any sizes."""
 Split = Literal["train", "held-out", "all"]
 
 SOURCE_WEIGHTS: Mapping[str, float] = {"tfflowers": 0.3, "skimage": 0.0}
@@ -63,7 +65,7 @@ class Cutout:
 class PicturePool:
     """Photos and cut-outs in memory, 8-bit sRGB grey. Worker processes that fork share them."""
 
-    photos: Sequence[Grey]
+    photos: Greys
     weights: Float64[np.ndarray, " n"]
     cutouts: Sequence[Cutout] = ()
     names: Sequence[str] = field(default=(), repr=False)
@@ -75,7 +77,7 @@ class PicturePool:
             raise ValueError(f"{len(self.weights)} weights for {len(self.photos)} photos; wanted one each, sum 1")
 
     @staticmethod
-    def of(photos: Sequence[Grey], cutouts: Sequence[Cutout] = ()) -> PicturePool:
+    def of(photos: Greys, cutouts: Sequence[Cutout] = ()) -> PicturePool:
         """A pool of pictures at hand, each as likely as the others."""
         return PicturePool(photos, np.full(len(photos), 1 / max(1, len(photos))), cutouts)
 
@@ -86,11 +88,11 @@ class PicturePool:
         split: Split = "train",
         source_weights: Mapping[str, float] = SOURCE_WEIGHTS,
         max_bytes: int = 256 << 20,
-        progress: Callable[[int, int], None] | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> PicturePool:
         """Decode every JPEG, PNG and WebP of `photos` (and of `cutouts`, with their alpha) that is in `split`.
 
-        Pictures are shrunk evenly if they would pass `max_bytes`. `progress(done, of)` counts files.
+        Pictures are shrunk evenly if they would pass `max_bytes`. `progress` hears the fraction done.
         """
         chosen = [path for path in _pictures(photos) if source_weights.get(_source(path), 1.0) > 0]
         chosen = [path for path in chosen if split == "all" or is_held_out(path.name) == (split == "held-out")]
@@ -100,12 +102,12 @@ class PicturePool:
         for i, path in enumerate(chosen):
             greys.append(_read(path, cv2.IMREAD_GRAYSCALE))
             if progress is not None:
-                progress(i + 1, len(chosen) + len(objects))
+                progress((i + 1) / (len(chosen) + len(objects)))
         shapes: list[Cutout] = []
         for i, path in enumerate(objects):
             shapes.append(_read_cutout(path))
             if progress is not None:
-                progress(len(chosen) + i + 1, len(chosen) + len(objects))
+                progress((len(chosen) + i + 1) / (len(chosen) + len(objects)))
         weights = np.array([source_weights.get(_source(path), 1.0) for path in chosen], np.float64)
         if not len(weights):
             raise PictureError(f"{photos}: no picture of the split {split!r} in it; wanted .jpg, .png or .webp files")
@@ -150,7 +152,7 @@ def _read_cutout(path: Path) -> Cutout:
     return Cutout(cv2.cvtColor(picture, cv2.COLOR_BGRA2GRAY), np.ascontiguousarray(picture[:, :, 3]))
 
 
-def _within(pictures: list[Grey], max_bytes: int) -> list[Grey]:
+def _within(pictures: Greys, max_bytes: int) -> Greys:
     total = sum(picture.nbytes for picture in pictures)
     if total <= max_bytes:
         return pictures

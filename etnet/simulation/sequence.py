@@ -137,7 +137,8 @@ def draw_scene(
     # Without texture or a moving background only outlines give events, so there must be some.
     num_objects = max(num_objects, min(config.scene.num_objects[1], 3 if is_smooth else int(is_static)))
     for i in range(num_objects):
-        diameter = min(config.size) * log_uniform(rng, config.scene.object_size) * (2.0 if is_smooth else 1.0)
+        diameter = min(config.size) * log_uniform(rng, config.scene.object_size)
+        diameter *= config.scene.smooth_scale if is_smooth else 1.0
         texture, alpha = textures.draw_object(pictures, config.scene, diameter, blur, is_smooth, rng)
         path = camera.draw_object(rng, config.size, config.scene, planes[0].path, is_riding)
         if is_static and i == 0 and path.speed == 0.0:

@@ -73,7 +73,7 @@ def draw_shape(side: int, rng: np.random.Generator) -> Image:
     return mask.astype(np.float32) / 255
 
 
-def resized(image: Image, scale: float) -> Image:
+def resized(image: Image, scale: float) -> Float32[np.ndarray, "new_h new_w"]:
     """The image at `scale`, averaged where it shrinks; never below 4 pixels a side."""
     size = (max(4, round(image.shape[1] * scale)), max(4, round(image.shape[0] * scale)))
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)

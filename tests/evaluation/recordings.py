@@ -3,8 +3,10 @@
 import io
 import zipfile
 from functools import cache
+from pathlib import Path
 
 import cv2
+import h5py
 import numpy as np
 
 from etnet.events.events import Events, Sensor
@@ -51,6 +53,22 @@ def made_up(
     stamps = 1_000_000 + frame_gap * np.arange(num_frames, dtype=np.int64)
     truth = GroundTruth(stamps, read_frame, read_flow if has_flow else None)
     return recording_of_events(Events(x, y, t, p, sensor), name, ground_truth=truth)
+
+
+def write_event_utils(recording: Recording, path: Path) -> Path:
+    """The recording as an HDF5 file in the event_utils layout."""
+    events, truth = recording.read(0, recording.num_events), recording.ground_truth
+    with h5py.File(path, "w") as file:
+        for name, column in (("xs", events.x), ("ys", events.y), ("ts", events.t / 1e6), ("ps", events.p > 0)):
+            file[f"events/{name}"] = column
+        file.attrs["sensor_resolution"] = (recording.sensor.height, recording.sensor.width)
+        for i in range(len(truth) if truth else 0):
+            assert truth is not None
+            image = file.create_dataset(
+                f"images/image{i:09d}", data=np.round(truth.read_frame(i) * 255).astype(np.uint8)
+            )
+            image.attrs["timestamp"] = truth.stamps[i] / 1e6
+    return path
 
 
 def _decode(png: bytes) -> np.ndarray:

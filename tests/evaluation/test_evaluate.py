@@ -1,7 +1,5 @@
 """Evaluating is replaying from a cold start; its numbers are those of the measures, row by row."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import torch
@@ -13,7 +11,7 @@ from etnet.evaluation.lpips import load_lpips
 from etnet.evaluation.metrics import robust_range
 from etnet.evaluation.protocol import EVREAL, PAPER, plan_protocol
 from etnet.evaluation.scores import ROWS, Scores, read_scores, write_scores
-from etnet.nets.base import State, Step
+from etnet.nets.adapter import Adapter
 from etnet.nets.presets import build_model
 from etnet.reconstruction import window_voxel
 from tests.evaluation.recordings import made_up, slider_depth
@@ -24,19 +22,14 @@ def judges() -> Judges:
     return Judges(load_lpips())
 
 
-@dataclass
-class Replays:
-    """A model of one's own with `step` alone: it shows the n-th of given frames at its n-th step."""
+def replays(frames: list[Tensor], **fields) -> Adapter:
+    """A network of one's own that shows the n-th of given frames at its n-th step."""
 
-    frames: list[Tensor]
-    name: str = "replays"
-    bins: int = 5
-    normalise_voxels: bool = False
-    post_processing: str = "none"
+    def step(voxel: Tensor, memory: tuple[Tensor, ...] | None) -> tuple[Tensor, tuple[Tensor, ...]]:
+        count = 0 if memory is None else int(memory[0])
+        return frames[count], (torch.tensor(count + 1),)
 
-    def __call__(self, voxel: Tensor, state: State | None = None) -> Step:
-        count = 0 if state is None else int(state.tensors[0])
-        return Step(self.frames[count], State((torch.tensor(count + 1),)))
+    return Adapter(step, "replays", **fields)
 
 
 def truth_frames(recording, gain: float = 1.0, shift: float = 0.0) -> list[Tensor]:
@@ -46,7 +39,7 @@ def truth_frames(recording, gain: float = 1.0, shift: float = 0.0) -> list[Tenso
 
 def test_a_model_that_shows_the_truth_is_perfect(judges: Judges) -> None:
     recording = made_up(has_flow=True)
-    scores = evaluate(Replays(truth_frames(recording)), recording, PAPER, judges)  # pyright: ignore[reportArgumentType]
+    scores = evaluate(replays(truth_frames(recording)), recording, PAPER, judges)
     assert scores.num_frames == 7
     assert scores.mean("mse") == 0
     assert scores.mean("ssim") == pytest.approx(1)
@@ -59,8 +52,8 @@ def test_a_model_that_shows_the_truth_is_perfect(judges: Judges) -> None:
 
 def test_a_wrong_brightness_vanishes_in_the_affine_row_and_only_there(judges: Judges) -> None:
     recording = made_up()
-    model = Replays(truth_frames(recording, 0.5, 0.1))
-    scores = evaluate(model, recording, PAPER, judges)  # pyright: ignore[reportArgumentType]
+    model = replays(truth_frames(recording, 0.5, 0.1))
+    scores = evaluate(model, recording, PAPER, judges)
     assert scores.mean("mse") > 0.01
     assert scores.mean("mse", "best affine per frame") == pytest.approx(0, abs=1e-12)
     assert scores.mean("lpips", "best affine per frame") == pytest.approx(0, abs=1e-5)
@@ -78,9 +71,9 @@ def test_the_constant_grey_is_the_mean_of_the_scored_truth(judges: Judges) -> No
 def test_only_evreal_clips_and_post_processes(judges: Judges) -> None:
     recording = made_up()
     frames = truth_frames(recording, 3.0, -1.0)
-    model = Replays(frames, post_processing="robust")
-    paper = evaluate(model, recording, PAPER, judges)  # pyright: ignore[reportArgumentType]
-    evreal = evaluate(model, recording, EVREAL, judges)  # pyright: ignore[reportArgumentType]
+    model = replays(frames, post_processing="robust")
+    paper = evaluate(model, recording, PAPER, judges)
+    evreal = evaluate(model, recording, EVREAL, judges)
     truth = truth_frames(recording)
     raw = [float(((frame - target) ** 2).mean()) for frame, target in zip(frames, truth, strict=True)]
     robust = [float(((robust_range(frame) - target) ** 2).mean()) for frame, target in zip(frames, truth, strict=True)]
@@ -108,14 +101,12 @@ def test_it_equals_a_plain_loop_over_the_model_measured_with_scikit_image(judges
 def test_normalised_voxels_reach_the_model_that_wants_them(judges: Judges) -> None:
     seen = []
 
-    @dataclass
-    class Watches(Replays):
-        def __call__(self, voxel: Tensor, state: State | None = None) -> Step:
-            seen.append(voxel)
-            return super().__call__(voxel, state)
+    def step(voxel: Tensor, memory: tuple[Tensor, ...] | None) -> tuple[Tensor, tuple[Tensor, ...]]:
+        seen.append(voxel)
+        return torch.zeros(1, 1, *voxel.shape[-2:]), ()
 
     recording = made_up(num_frames=4)
-    evaluate(Watches(truth_frames(recording), normalise_voxels=True), recording, PAPER, judges)  # pyright: ignore
+    evaluate(Adapter(step, "watches", normalise_voxels=True), recording, PAPER, judges)
     voxel = seen[1]
     assert voxel[voxel != 0].std(correction=0).item() == pytest.approx(1, abs=1e-3)
 
@@ -129,10 +120,10 @@ def test_without_flow_the_estimate_is_named_or_nothing_is_measured(judges: Judge
     assert any("not measured" in remark for remark in bare.remarks)
 
 
-def test_progress_counts_every_step(judges: Judges) -> None:
+def test_progress_tells_the_fraction_done(judges: Judges) -> None:
     told = []
-    evaluate(build_model("tiny"), made_up(num_frames=5), PAPER, judges, on_progress=lambda *both: told.append(both))
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    evaluate(build_model("tiny"), made_up(num_frames=5), PAPER, judges, on_progress=told.append)
+    assert told == [0.25, 0.5, 0.75, 1.0]
 
 
 def test_scores_survive_the_disk_and_are_computed_anew_under_another_key(tmp_path, judges: Judges) -> None:
@@ -147,6 +138,7 @@ def test_scores_survive_the_disk_and_are_computed_anew_under_another_key(tmp_pat
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_the_shipped_start_weights_score_on_slider_depth_what_their_readme_says(judges: Judges) -> None:
     """MSE .0190, SSIM .642, LPIPS .305, affine LPIPS .303; constant grey .0228 and .535 (there on frames 1 … 38)."""
     from tests.evaluation.start_weights import start_weights

@@ -1,7 +1,7 @@
 """Pairs lie within the tolerance, use nothing twice, and follow the offset."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from etnet.evaluation.match import Pair, pair_by_stamp
@@ -9,6 +9,7 @@ from etnet.evaluation.match import Pair, pair_by_stamp
 stamps = st.lists(st.integers(0, 10_000), max_size=30, unique=True).map(sorted)
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(predictions=stamps, frames=stamps, tolerance=st.integers(0, 500), offset=st.integers(-700, 700))
 def test_pairs_are_near_and_used_once(predictions, frames, tolerance, offset) -> None:
     pairs = pair_by_stamp(predictions, frames, tolerance, offset)
@@ -18,6 +19,7 @@ def test_pairs_are_near_and_used_once(predictions, frames, tolerance, offset) ->
         assert abs(pair.lag) <= tolerance
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(frames=stamps, offset=st.integers(-100_000, 100_000))
 def test_equal_stamps_all_pair_up_once_the_offset_is_known(frames, offset) -> None:
     pairs = pair_by_stamp([t + offset for t in frames], frames, tolerance=0, offset=offset)

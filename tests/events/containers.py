@@ -26,6 +26,18 @@ COUNTS = {
     "derived/davis346_aprilgrid_0.5s.dat": ((346, 260), 189_576, 0),
     "derived/davis346_aprilgrid_0.1s_tonic.npy": ((346, 260), 56_365, 0),
     "derived/dvxplorer_lite_face1_dsec.h5": ((320, 240), 323_963, 0),
+    "aedat2/dvs128_checkerboard_flash.aedat": ((128, 128), 63_483, 0),
+    "rosbag/event_camera_msgs_evt3_person_2.1s.bag": ((640, 480), 343_474, 0),
+    "rosbag/event_camera_msgs_libcaer_cmp_aprilgrid_1.0s.mcap": ((346, 260), 571_266, 0),
+    "bin/ncaltech101_faces_easy_0001.bin": ((151, 173), 67_445, 0),
+    "bin/nmnist_digit4.bin": ((34, 34), 4_325, 0),
+    "derived/slider_depth_0.3s_dvs_msgs.bag": ((240, 180), 87_478, 8),
+    "derived/slider_depth_0.3s_v31.aedat": ((240, 180), 87_478, 8),
+    "derived/davis346_aprilgrid_0.5s.es": ((346, 260), 189_576, 0),
+    "derived/davis346_aprilgrid_0.3s_evt21.raw": ((346, 260), 151_503, 0),
+    "derived/dvxplorer_lite_face1_metavision_ecf.h5": ((320, 240), 323_963, 0),
+    "ecd_snippets/dynamic_rotation_snippet.txt": ((240, 180), 30_000, 0),
+    "ecd_snippets/poster_rotation_snippet.txt": ((240, 180), 30_000, 0),
     "ecd_snippets/boxes_rotation_snippet.txt": ((240, 180), 30_000, 0),
     "ecd_snippets/shapes_rotation_snippet.txt": ((240, 180), 20_000, 0),
 }
@@ -38,6 +50,8 @@ SAME_RECORDING = (
         "derived/slider_depth_0.5s_mvsec.hdf5",
         "derived/slider_depth_0.4s_evreal.zip",
         "derived/slider_depth_1.4s_frames.aedat4",
+        "derived/slider_depth_0.3s_dvs_msgs.bag",
+        "derived/slider_depth_0.3s_v31.aedat",
     ),
     (
         "derived/davis346_aprilgrid_1.0s.aedat4",
@@ -45,10 +59,19 @@ SAME_RECORDING = (
         "derived/davis346_aprilgrid_0.5s_evt3.raw",
         "derived/davis346_aprilgrid_0.5s.dat",
         "derived/davis346_aprilgrid_0.1s_tonic.npy",
+        "derived/davis346_aprilgrid_0.5s.es",
+        "rosbag/event_camera_msgs_libcaer_cmp_aprilgrid_1.0s.mcap",
     ),
-    ("aedat4/dvxplorer_lite_face_headphones_1.5s.aedat4", "derived/dvxplorer_lite_face1_dsec.h5"),
+    (
+        "aedat4/dvxplorer_lite_face_headphones_1.5s.aedat4",
+        "derived/dvxplorer_lite_face1_dsec.h5",
+        "derived/dvxplorer_lite_face1_metavision_ecf.h5",
+    ),
 )
 """The first of each row is the longest; the others are its beginning."""
+
+SAME_FRAMES = tuple(name for name in SAME_RECORDING[0][1:] if not name.endswith("v31.aedat"))
+"""Containers with the frames of the first one, bit for bit. AEDAT 3.1 was given 16-bit pixels and exposures of 1 ms."""
 
 
 def all_events(recording: Recording) -> Events:

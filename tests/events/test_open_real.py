@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from etnet.events.open import Assumptions, open_recording
-from tests.events.containers import COUNTS, SAME_RECORDING, all_events, assert_same_events
+from tests.events.containers import COUNTS, SAME_FRAMES, SAME_RECORDING, all_events, assert_same_events
 from tests.real_data import real_file
 
 pytestmark = pytest.mark.real
@@ -43,7 +43,20 @@ def test_containers_of_one_recording_agree_column_by_column(longest, part):
         assert_same_events(whole.read(0, len(events)), events)
 
 
-@pytest.mark.parametrize("part", SAME_RECORDING[0][1:])
+def test_evt21_holds_the_same_events_up_to_the_order_within_one_word():
+    with (
+        open_recording(real_file(SAME_RECORDING[1][0])) as whole,
+        open_recording(real_file("derived/davis346_aprilgrid_0.3s_evt21.raw")) as part,
+    ):
+        found = all_events(part)
+        expected = whole.read(0, len(found))
+        np.testing.assert_array_equal(found.t - found.t[0], expected.t - expected.t[0])
+        columns = [np.stack([e.t - e.t[0], e.y, e.x, e.p]) for e in (found, expected)]
+        ordered = [table[:, np.lexsort(table[::-1])] for table in columns]
+        np.testing.assert_array_equal(*ordered)
+
+
+@pytest.mark.parametrize("part", SAME_FRAMES)
 def test_containers_of_one_recording_have_the_same_frames_at_the_same_moments(part):
     with open_recording(real_file(SAME_RECORDING[0][0])) as whole, open_recording(real_file(part)) as piece:
         expected, found = whole.ground_truth, piece.ground_truth

@@ -241,6 +241,6 @@ def test_wrong_grids_and_configurations_are_refused() -> None:
     with pytest.raises(ModelError, match="residual"):
         E2VIDConfig(residual_blocks=-1)
     with pytest.raises(ModelError, match="outputs"):
-        E2VIDConfig(outputs=2)  # pyright: ignore[reportArgumentType]
+        E2VIDConfig(outputs=2)
     with pytest.raises(ModelError, match="channels"):
         FireNetConfig(channels=0)

@@ -111,7 +111,7 @@ def test_noise_has_its_rates():
 
 def test_thresholds_are_drawn_as_configured():
     rng = np.random.default_rng(0)
-    traits = [draw_traits(SensorConfig(), rng) for _ in range(3_000)]
+    traits = [draw_traits(SensorConfig(), rng) for _ in range(1_500)]
     threshold = np.array([(t.threshold_on * t.threshold_off) ** 0.5 for t in traits])
     ratio = np.array([t.threshold_on / t.threshold_off for t in traits])
     assert threshold.min() >= 0.1
@@ -119,7 +119,7 @@ def test_thresholds_are_drawn_as_configured():
     assert 0.85 < ((threshold > 0.2) & (threshold < 1.0)).mean() < 0.97
     assert np.log(ratio).std() == pytest.approx(0.25, rel=0.1)
     paper = SensorConfig(threshold_core_share=0.0, balance="normal", balance_sigma=0.1)
-    ratio = np.array([t.threshold_on / t.threshold_off for t in (draw_traits(paper, rng) for _ in range(3_000))])
+    ratio = np.array([t.threshold_on / t.threshold_off for t in (draw_traits(paper, rng) for _ in range(1_500))])
     assert ratio.mean() == pytest.approx(1, abs=0.01)
     assert ratio.std() == pytest.approx(0.1, rel=0.1)
 

@@ -1,15 +1,19 @@
 """Written recordings against the layout's documentation, read back with h5py alone."""
 
+from itertools import pairwise
+
 import h5py
 import numpy as np
 import pytest
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.events.open import open_recording
 from etnet.simulation.config import SequenceConfig
 from etnet.simulation.dataset import write_dataset
 from etnet.simulation.sequence import simulate_sequence
 from etnet.simulation.write import Take, take_of, write_take
+from etnet.windows import BetweenFrames, plan_windows
 from tests.simulation.pictures_made_up import made_up_pool
 
 POOL = made_up_pool()
@@ -42,6 +46,25 @@ def test_a_written_clip_reads_back_the_same(tmp_path):
                 assert not flow[()].any()
 
 
+def test_our_own_reader_opens_a_written_clip_with_its_frames_flow_and_windows(tmp_path):
+    sequence = simulate_sequence(POOL, CONFIG, np.random.default_rng(0))
+    write_take(tmp_path / "a.h5", take_of(sequence), {})
+    with open_recording(tmp_path / "a.h5") as recording:
+        events = recording.read(0, recording.num_events)
+        for column in ("x", "y", "t", "p"):
+            assert np.array_equal(getattr(events, column), getattr(sequence.events, column))
+        truth = recording.ground_truth
+        assert truth is not None
+        assert np.array_equal(truth.stamps, sequence.window_edges)
+        assert truth.read_flow is not None
+        for i in range(6):
+            assert np.allclose(truth.read_frame(i + 1), sequence.frames[i], atol=0.5 / 255 + 1e-6)
+            assert np.allclose(truth.read_flow(i + 1), sequence.flow[i], atol=1e-4)
+        assert not truth.read_flow(0).any()
+        windows = plan_windows(recording, BetweenFrames())
+        assert [(w.start, w.stop) for w in windows] == list(pairwise(sequence.event_index))
+
+
 def test_a_recording_without_events_can_be_written(tmp_path):
     take = Take(Events.empty(Sensor(8, 8)), np.array([0, 10]), np.zeros((2, 8, 8), np.uint8))
     write_take(tmp_path / "a.h5", take, {})
@@ -65,10 +88,10 @@ def test_a_dataset_goes_on_where_it_stopped_and_refuses_other_settings(tmp_path)
     broken = write_dataset(tmp_path / "broken", POOL, CONFIG, 2, seed=5)
     kept = broken[0].stat().st_mtime_ns
     counted = []
-    resumed = write_dataset(tmp_path / "broken", POOL, CONFIG, 3, 5, progress=lambda *of: counted.append(of))
+    resumed = write_dataset(tmp_path / "broken", POOL, CONFIG, 3, 5, progress=counted.append)
     assert [p.read_bytes() for p in resumed] == [p.read_bytes() for p in whole]
     assert broken[0].stat().st_mtime_ns == kept
-    assert counted == [(1, 3), (2, 3), (3, 3)]
+    assert counted == [1 / 3, 2 / 3, 1]
     assert whole[0].read_bytes() != whole[1].read_bytes()
     with pytest.raises(RecordingError, match="other settings"):
         write_dataset(tmp_path / "broken", POOL, CONFIG, 3, seed=6)

@@ -43,7 +43,8 @@ def numbered_frames(file: h5py.File, name: str, unit: TimeUnit, remarks: Remarks
             flow = np.asarray(dataset(file, f"flow/{flow_of[stamp]}", name, ndim=3)[()], np.float32)
         if flow.shape[0] != 2:
             raise RecordingError(f"{name}: flow {index} has the shape {flow.shape}; wanted (2, height, width)")
-        return flow
+        # The layout stores a velocity (px/s): its loaders multiply by the time since the frame before.
+        return flow * np.float32((stamp - int(stamps[index - 1])) * 1e-6 if index else 0.0)
 
     return in_order(stamps, GroundTruth(stamps, read_frame, read_flow if flows else None), remarks)
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import struct
 import sys
 from collections.abc import Iterator
-from io import BytesIO
+from io import BufferedIOBase, BytesIO
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import lz4.frame
 
@@ -60,7 +60,7 @@ def read_mcap(path: Path) -> Iterator[Message]:
                     yield Message(topic, schemas.get(schema, ""), body[22:], fraction)
 
 
-def _records(stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
+def _records(stream: BufferedIOBase) -> Iterator[tuple[int, bytes]]:
     while head := stream.read(9):
         if len(head) < 9 or head[:8] == MAGIC:
             raise CutOff("ends within a record")

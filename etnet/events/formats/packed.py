@@ -8,8 +8,8 @@ import lzma
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from io import BufferedIOBase
 from pathlib import Path
-from typing import Protocol
 
 from etnet.errors import RecordingError
 from etnet.events.formats.base import HEAD_BYTES, Format, Opened, Request, contained
@@ -23,26 +23,18 @@ _INNER_SUFFIXES = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", "
 OpenInner = Callable[[Request], Opened]
 
 
-class _Stream(Protocol):
-    """What is read here of a stream."""
-
-    def read(self, size: int, /) -> bytes:
-        """The next bytes."""
-        ...
-
-
 def _compression(head: bytes) -> str | None:
     return next((what for mark, what in _MARKS if head.startswith(mark)), None)
 
 
 @contextmanager
-def _opened(path: Path, what: str) -> Iterator[_Stream]:
+def _opened(path: Path, what: str) -> Iterator[BufferedIOBase]:
     stream = {"gzip": gzip.GzipFile, "xz": lzma.LZMAFile, "bzip2": bz2.BZ2File}[what](path, "rb")
     with stream:
         yield stream
 
 
-def _unpack(request: Request, stream: _Stream, packed_bytes: int, name: str, what: str) -> Request:
+def _unpack(request: Request, stream: BufferedIOBase, packed_bytes: int, name: str, what: str) -> Request:
     """Copy a stream to scratch; one that grows like a bomb is given up."""
     limit = max(FREE_SIZE, MAX_RATIO * packed_bytes)
     path = request.scratch.path(name)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import zipfile
 from contextlib import ExitStack
+from io import BufferedIOBase
 from pathlib import Path
 from threading import Lock
-from typing import IO, Protocol
+from typing import Protocol, cast, runtime_checkable
 
 from etnet.errors import RecordingError
 
@@ -19,6 +20,7 @@ MAX_SMALL_FILE = 64 << 20
 """Largest picture or table that is read whole."""
 
 
+@runtime_checkable
 class Store(Protocol):
     """Named files."""
 
@@ -30,7 +32,7 @@ class Store(Protocol):
         """Bytes of a file."""
         ...
 
-    def open(self, name: str) -> IO[bytes]:
+    def open(self, name: str) -> BufferedIOBase:
         """A stream from the file's start."""
         ...
 
@@ -63,7 +65,7 @@ class FolderStore:
         """Bytes of a file."""
         return self._inside(name).stat().st_size
 
-    def open(self, name: str) -> IO[bytes]:
+    def open(self, name: str) -> BufferedIOBase:
         """A stream from the file's start."""
         return self._inside(name).open("rb")
 
@@ -109,12 +111,12 @@ class ZipStore:
         """Declared bytes of a member."""
         return self._members[name].file_size
 
-    def open(self, name: str) -> IO[bytes]:
+    def open(self, name: str) -> BufferedIOBase:
         """A stream of the unpacked member."""
         if self._members[name].flag_bits & 1:
             raise RecordingError(f"{self._label}: {name} is encrypted; unpack it by hand")
         with self._lock:
-            return self._archive.open(name)
+            return cast(BufferedIOBase, self._archive.open(name))
 
     def local_path(self, name: str) -> Path | None:
         """A member has no path of its own."""

@@ -7,7 +7,7 @@ rpg_e2vid's zip, whose first line is "width height".
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import IO
+from io import BufferedIOBase
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
@@ -33,7 +33,7 @@ def looks_like_events(head: bytes) -> bool:
     return columns is not None
 
 
-def text_pieces(stream: IO[bytes], size: int, columns: Columns, name: str, first_line: int) -> Iterator[Decoded]:
+def text_pieces(stream: BufferedIOBase, size: int, columns: Columns, name: str, first_line: int) -> Iterator[Decoded]:
     """Parse the rest of a stream, whole lines at a time."""
     rest, done, line = b"", 0, first_line
     while block := stream.read(BLOCK):
@@ -108,7 +108,12 @@ def _event_member(names: tuple[str, ...]) -> str | None:
 
 
 def _open_stream(
-    request: Request, opener: Callable[[], IO[bytes]], size: int, kind: str, store: Store | None, member: str | None
+    request: Request,
+    opener: Callable[[], BufferedIOBase],
+    size: int,
+    kind: str,
+    store: Store | None,
+    member: str | None,
 ) -> Opened:
     remarks = Remarks()
     stream = request.resources.enter_context(opener())

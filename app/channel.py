@@ -1,0 +1,112 @@
+"""What a page can say beyond viser's widgets: clicks on its images, three more keys, its size, which tab it is.
+
+viser has no click on an HTML image. Its own end-to-end tests use a hook, `window.__viserMutable.sendMessage`, that is
+in every build; through it `static/page/channel.js` writes into an invisible text field of ours. This module and that
+file are all that knows of it. A browser test pins it; without it sliders, buttons and the plane still work.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from html import escape
+
+import viser
+
+from app import intents as ask
+
+ON_PICK = 'data-pick="1"'
+"""The attribute that makes an element of `data-k` clickable; the same for all visitors, so that HTML is shared."""
+LONGEST_MESSAGE = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """A page has come up: the tab it lives in (0 … 255) and the size of its window in CSS pixels."""
+
+    tab: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class Resized:
+    """The window's size in CSS pixels has changed."""
+
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class AskHelp:
+    """The question mark was pressed."""
+
+
+Message = Hello | Resized | AskHelp
+_KEYS: dict[str, ask.Intent | AskHelp] = {"comma": ask.Move(-1), "period": ask.Move(1), "question": AskHelp()}
+
+
+def open_channel(gui: viser.GuiApi, hear: Callable[[ask.Intent | Message], None]) -> None:
+    """Put the channel's ends into the page; `hear` gets what comes, on viser's event loop."""
+    field = gui.add_text("channel", "", visible=False)
+
+    @field.on_update
+    async def _(event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
+        if event.client is not None and (heard := parse(event.target.value)) is not None:
+            hear(heard)
+
+    # A script inside innerHTML does not run; an image that has loaded does. On a reconnect it names the new field.
+    start = (
+        f"window.etnetChannel='{field._impl.uuid}';"
+        "if(window.etnetHello)window.etnetHello();else if(!document.getElementById('etnet-channel')){"
+        "const s=document.createElement('script');s.id='etnet-channel';s.src='/static/channel.js';"
+        "document.head.append(s)}"
+    )
+    pixel = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+    gui.add_html(
+        '<link rel="stylesheet" href="/static/theme.css">'
+        f'<img alt="" style="display:none" src="{pixel}" onload="{escape(start)}">'
+    )
+
+
+def parse(text: str) -> ask.Intent | Message | None:
+    """One message of the page, "kind|…|counter"; `None` for what cannot be understood. It is a stranger's word."""
+    parts = text[:LONGEST_MESSAGE].split("|")
+    try:
+        match parts:
+            case ["pick", key, u, v, _]:
+                return _picked(key, float(u), float(v))
+            case ["key", name, _]:
+                return _KEYS.get(name)
+            case ["hello", tab, width, height, _]:
+                return Hello(int(tab) % 256, _pixels(width), _pixels(height))
+            case ["size", width, height, _]:
+                return Resized(_pixels(width), _pixels(height))
+    except ValueError:
+        return None
+    return None
+
+
+def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
+    if not (math.isfinite(u) and math.isfinite(v)):
+        return None
+    kind, _, name = key.partition(":")
+    match kind:
+        case "pixel":
+            return ask.QueryFraction(u, v)
+        case "site":
+            return ask.OpenSite(name)
+        case "heads":
+            return ask.CloseSite()
+        case "help":
+            return AskHelp()
+        case "head":
+            return ask.ChooseHead(None if name == "mean" else int(name))
+        case "bin":
+            return ask.OpenBin(int(name) if name else None)
+    return None
+
+
+def _pixels(text: str) -> int:
+    return min(max(int(text), 1), 20_000)

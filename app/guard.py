@@ -1,0 +1,132 @@
+"""Who may talk to the viewer: the checks that stand before viser's own server, which has none.
+
+viser answers everyone who reaches its port, whatever page sent them, so a foreign page could press buttons in a
+visitor's name. The guard looks at every HTTP request and every websocket handshake before viser sees it.
+"""
+
+from __future__ import annotations
+
+import hmac
+import mimetypes
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from urllib.parse import parse_qsl, unquote, urlencode, urlsplit
+
+import websockets.asyncio.server as websocket_server
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
+COOKIE = "etnet_view"
+ProcessRequest = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Host names that may be asked for, the token (`None`: none needed), the folder served under /static/.
+
+    `public_hosts` are the "name:port" pairs of a public URL, behind which a proxy may rewrite the Host header.
+    """
+
+    static: Path
+    token: str | None = None
+    hosts: frozenset[str] = LOOPBACK
+    public_hosts: frozenset[str] = frozenset()
+    health: str = "ok"
+
+    def refuse_or_answer(self, request: Request) -> Response | None:
+        """The answer to a request that must not reach viser, or is not viser's; `None` lets it through."""
+        host = request.headers.get("Host", "")
+        if _host_name(host) not in self.hosts and host not in self.public_hosts:
+            return _answer(421, "this viewer does not answer to that host name")
+        is_websocket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if is_websocket and not self._is_own_page(request.headers.get("Origin"), host):
+            return _answer(403, "another page may not use this viewer")
+
+        url = urlsplit(request.path)
+        if url.path == "/healthz":
+            return _answer(200, self.health)
+        query = dict(parse_qsl(url.query))
+        if self.token is not None and not self._knows_token(query, request):
+            return _answer(401, "this viewer needs its token: open the address that was printed when it started")
+        if self.token is not None and "token" in query and not is_websocket:
+            return self._move_token_to_cookie(url.path, query)
+        if url.path.startswith("/static/") and not is_websocket:
+            return self._static_file(url.path.removeprefix("/static/"))
+        return None
+
+    def _is_own_page(self, origin: str | None, host: str) -> bool:
+        # Browsers always send an Origin with a websocket; a program that sends none is no page.
+        if origin is None:
+            return True
+        return urlsplit(origin).netloc in {host, *self.public_hosts}
+
+    def _knows_token(self, query: dict[str, str], request: Request) -> bool:
+        assert self.token is not None
+        given = query.get("token") or _cookie(request.headers.get_all("Cookie"))
+        return hmac.compare_digest(given.encode(), self.token.encode())
+
+    def _move_token_to_cookie(self, path: str, query: dict[str, str]) -> Response:
+        rest = urlencode({name: value for name, value in query.items() if name != "token"})
+        # One leading slash only: "//elsewhere" would send the visitor to another host.
+        location = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
+        cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+        return _answer(302, "", {"Location": location, "Set-Cookie": cookie})
+
+    def _static_file(self, path: str) -> Response:
+        parts = [part for part in unquote(path).replace("\\", "/").split("/") if part]
+        file = self.static.joinpath(*parts)
+        if ".." in parts or "\0" in file.name or not file.is_file():
+            return _answer(404, "not found")
+        kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+        return _answer(200, file.read_bytes(), {"Content-Type": kind, "Cache-Control": "max-age=3600"})
+
+
+@contextmanager
+def guarding(guard: Guard) -> Iterator[None]:
+    """Servers that are constructed inside are guarded: viser calls websockets' `serve` and takes no check of ours."""
+    original = websocket_server.serve
+
+    def serve(*args: object, process_request: ProcessRequest | None = None, **options: object) -> object:
+        def process(connection: ServerConnection, request: Request) -> Awaitable[Response | None] | Response | None:
+            answer = guard.refuse_or_answer(request)
+            if answer is not None or process_request is None:
+                return answer
+            return process_request(connection, request)
+
+        return original(*args, process_request=process, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+    websocket_server.serve = serve  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        yield
+    finally:
+        websocket_server.serve = original
+
+
+def _host_name(host: str) -> str:
+    return host if host.endswith("]") else host.rsplit(":", 1)[0]
+
+
+def _cookie(headers: list[str]) -> str:
+    jar: SimpleCookie = SimpleCookie()
+    for header in headers:
+        try:
+            jar.load(header)
+        except CookieError:
+            continue
+    return jar[COOKIE].value if COOKIE in jar else ""
+
+
+def _answer(status: int, body: str | bytes, headers: dict[str, str] | None = None) -> Response:
+    content = body.encode() if isinstance(body, str) else body
+    sent = {
+        "Content-Type": "text/plain; charset=utf-8",
+        "Content-Length": str(len(content)),
+        "X-Content-Type-Options": "nosniff",
+        **(headers or {}),
+    }
+    return Response(status, "", Headers(sent), content)

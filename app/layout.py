@@ -1,0 +1,173 @@
+"""Where everything stands: two columns and a strip at the foot, or one sheet on a phone; keys; the camera's presets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import viser
+
+from app import intents as ask
+from app.assets import page_folder
+from app.channel import AskHelp, Message, open_channel
+from app.panels.attention import AttentionPanel
+from app.panels.base import Dispatch, Page, Panel
+from app.panels.overview import Demo, Provenance, SceneLegend
+from app.panels.pictures import EventPicture, Reconstruction, Voxels
+from app.panels.source import Source
+from app.panels.transport import Transport
+from app.panels.view import ViewPanel
+from app.scene.space import Space, camera_place
+
+PHONE_ASPECT = 0.9
+"""A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
+WIDTHS: dict[ask.Workspace, tuple[int, int]] = {"inspect": (470, 400), "attention": (360, 560), "demo": (470, 400)}
+"""Pixels of the left and the right column."""
+COMMANDS: tuple[tuple[str, str | None, ask.Intent], ...] = (
+    ("Play or pause", "space", ask.TogglePlay()),
+    ("Play or pause ", "K", ask.TogglePlay()),
+    ("One window back", "J", ask.Move(-1)),
+    ("One window on", "L", ask.Move(1)),
+    ("Ten windows back", "pageup", ask.Move(-10)),
+    ("Ten windows on", "pagedown", ask.Move(10)),
+    ("First window", "home", ask.Seek(0)),
+    ("Last window", "end", ask.Seek(10**9)),
+    ("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
+    ("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
+    ("Workspace: Demo", "3", ask.ShowWorkspace("demo")),
+    ("Camera: in depth", None, ask.ChooseCamera("orbit")),
+    ("Camera: front", "F", ask.ChooseCamera("front")),
+    ("Camera: side", None, ask.ChooseCamera("side")),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The panels of one page, and the handles that a workspace moves."""
+
+    client: viser.ClientHandle
+    panels: tuple[Panel, ...]
+    legend: SceneLegend
+    is_phone: bool
+    left: viser.PanelHandle | None = None
+
+    def arrange(self, workspace: ask.Workspace) -> None:
+        """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark."""
+        if self.left is None:
+            return
+        left, right = WIDTHS[workspace]
+        self.left.set_width(left)
+        self.client.gui.main_panel.set_width(right)
+
+    def show(self, page: Page) -> None:
+        """Draw what has changed."""
+        for panel in self.panels:
+            panel.show(page)
+
+
+def build_layout(
+    client: viser.ClientHandle, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]
+) -> Layout:
+    """Lay out one visitor's page."""
+    is_phone = client.camera.aspect < PHONE_ASPECT
+    open_channel(client.gui, hear)
+    _add_commands(client.gui, dispatch, hear)
+    return _build_phone(client, dispatch) if is_phone else _build_desk(client, dispatch)
+
+
+def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -> None:
+    """Put the camera where a preset wants it on this canvas."""
+    place = camera_place(space, camera, client.camera.aspect)
+    with client.atomic():
+        client.camera.up_direction = (0.0, -1.0, 0.0)
+        client.camera.fov = place.fov
+        client.camera.near = place.near
+        client.camera.far = place.far
+        client.camera.position = place.position
+        client.camera.look_at = place.look_at
+
+
+def show_help(client: viser.ClientHandle) -> None:
+    """Keys and words of the page, in a window of their own."""
+    with client.gui.add_modal("Keys and words") as modal:
+        client.gui.add_html((page_folder() / "help.html").read_text("utf-8"))
+        close = client.gui.add_button("Close")
+
+    @close.on_click
+    async def _(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+        if event.client is not None:
+            modal.close()
+
+
+def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
+    gui = client.gui
+    provenance, legend, demo = Provenance(), SceneLegend(), Demo()
+    reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
+    attention, source, view = AttentionPanel(), Source(), ViewPanel()
+
+    left = gui.add_panel()
+    with left.add_tab("Window on show", viser.Icon.PHOTO):
+        for panel in (reconstruction, events, voxels):
+            panel.build(gui, dispatch)
+    left.dock_left()
+
+    gui.main_panel.dock_right()
+    tabs = gui.add_tab_group()
+    for title, icon, panel in (
+        ("Attention", viser.Icon.FOCUS_2, attention),
+        ("Recording", viser.Icon.DATABASE, source),
+        ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
+    ):
+        with tabs.add_tab(title, icon):
+            panel.build(gui, dispatch)
+
+    large = gui.add_panel()
+    with large.add_tab("Demo", viser.Icon.PRESENTATION):
+        demo.build(gui, dispatch)
+    large.float(x=0, y=0, width=900)
+
+    foot = gui.add_panel()
+    with foot.add_tab("Timeline", viser.Icon.TIMELINE):
+        for panel in (provenance, legend, transport):
+            panel.build(gui, dispatch)
+    foot.float(x=20, y=-15, width=900)
+
+    panels = (transport, events, voxels, reconstruction, attention, source, view, provenance, legend, demo)
+    return Layout(client, panels, legend, False, left)
+
+
+def _build_phone(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
+    gui = client.gui
+    legend, reconstruction, transport = SceneLegend(), Reconstruction(), Transport()
+    for panel in (legend, reconstruction, transport):
+        panel.build(gui, dispatch)
+    folded: tuple[tuple[str, Panel], ...] = (
+        ("Events", events := EventPicture()),
+        ("Time bins", voxels := Voxels()),
+        ("Recording", source := Source()),
+        ("Attention", attention := AttentionPanel()),
+    )
+    for title, panel in folded:
+        with gui.add_panel().add_tab(title):
+            panel.build(gui, dispatch)
+    return Layout(client, (transport, reconstruction, events, voxels, attention, source, legend), legend, True)
+
+
+def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]) -> None:
+    for label, key, intent in COMMANDS:
+        command = gui.add_command(label, hotkey=key)  # pyright: ignore[reportArgumentType]  a key of viser's list
+
+        def speak(intent: ask.Intent = intent) -> Callable[[viser.CommandEvent], object]:
+            async def heard(event: viser.CommandEvent) -> None:
+                if event.client is not None:
+                    dispatch(intent)
+
+            return heard
+
+        command.on_trigger(speak())  # pyright: ignore[reportArgumentType]
+    help_command = gui.add_command("Keys and words")
+
+    @help_command.on_trigger
+    async def _(event: viser.CommandEvent) -> None:
+        if event.client is not None:
+            hear(AskHelp())

@@ -1,0 +1,82 @@
+"""Config → server → engine: the only place that constructs. The page is served before torch is imported."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Sequence
+
+import tyro
+
+from app.catalogue import Catalogue
+from app.config import ViewerConfig
+from etnet.errors import EtnetError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """`etnet-view`: serve until interrupted. 0 done, 1 a named failure, 2 usage."""
+    try:
+        config = tyro.cli(ViewerConfig, prog="etnet-view", args=arguments)
+        viewer = Viewer(config)
+    except EtnetError as error:
+        print(f"etnet-view: {error}", file=sys.stderr)
+        return 1
+    print(viewer.where_to_look, flush=True)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        viewer.stop()
+    return 0
+
+
+class Viewer:
+    """A running viewer: server, engine and catalogue of one configuration."""
+
+    def __init__(self, config: ViewerConfig) -> None:
+        # Imported here so that `etnet-view --help` and a wrong argument answer at once.
+        from app.engine import Engine
+        from app.server import Address, free_port, start_server
+        from app.session import Session
+        from app.view_state import ViewState
+
+        self.catalogue = Catalogue(config)
+        entries, models = self.catalogue.entries(), self.catalogue.models()
+        default = ViewState(
+            recording_id=entries[0].id if entries else "",
+            model_id=models[0].id if models else "",
+            precision=config.precision,
+        )
+        address = Address(config.host, config.port, config.token, config.public_url)
+        self.port = free_port(config.host, config.port)
+        self._wanted_port = config.port
+        self._address = address
+        self.engine = Engine(
+            self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
+        )
+        self.server = start_server(
+            address, self.port, lambda client: Session(client, self.catalogue, self.engine, default)
+        )
+        self.port = self.server.get_port()
+        if models:
+            self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser; with the token, where one is needed."""
+        host = self._address.host if self._address.host not in ("0.0.0.0", "::") else "localhost"
+        base = self._address.public_url or f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+        return base.rstrip("/") + (f"/?token={self._address.token}" if self._address.token else "")
+
+    @property
+    def where_to_look(self) -> str:
+        """The one line that is printed."""
+        is_moved = self._wanted_port not in (0, self.port)
+        busy = f" (port {self._wanted_port} is busy)" if is_moved else ""
+        return f"ET-Net viewer: open {self.url}{busy} — Ctrl+C ends it"
+
+    def stop(self) -> None:
+        """End server and engine."""
+        self.server.stop()
+        self.engine.stop()

@@ -1,0 +1,76 @@
+"""Recordings are opened and planned beside the page, which goes on answering; the newest wish wins."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from app.catalogue import Catalogue, suited_policy
+from app.view_state import Limits
+from etnet.errors import EtnetError
+from etnet.events.recording import Recording
+from etnet.windows import Policy, Window, plan_windows
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Which recording, cut how; `None` leaves the cut to the recording."""
+
+    recording_id: str
+    policy: Policy | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A plan come true."""
+
+    plan: Plan
+    policy: Policy
+    recording: Recording
+    windows: Sequence[Window]
+
+    @property
+    def limits(self) -> Limits:
+        """What the reducer may do."""
+        return Limits(self.recording.sensor, self.windows, self.recording.span.start)
+
+
+@dataclass(frozen=True, slots=True)
+class Unopened:
+    """A plan that failed, and why in plain words."""
+
+    plan: Plan
+    message: str
+
+
+class Opener:
+    """Opens beside the page. Answers come in any order; the session takes the one that fits its state."""
+
+    def __init__(self, catalogue: Catalogue, tell: Callable[[Opened | Unopened], None]) -> None:
+        self._catalogue = catalogue
+        self._tell = tell
+        self._begun: Plan | None = None
+
+    def want(self, plan: Plan) -> None:
+        """Begin with a plan, unless it is the last one that was begun."""
+        if plan != self._begun:
+            self._begun = plan
+            threading.Thread(target=self._open, args=(plan,), daemon=True, name="opening").start()
+
+    def heard(self, plan: Plan) -> None:
+        """The answer to a plan has come: it may be begun again."""
+        if plan == self._begun:
+            self._begun = None
+
+    def _open(self, plan: Plan) -> None:
+        try:
+            recording = self._catalogue.open(plan.recording_id)
+            policy = suited_policy(recording) if plan.policy is None else plan.policy
+            windows = plan_windows(recording, policy)
+            if len(windows) == 0:
+                self._tell(Unopened(plan, f"{recording.name}: holds no events, so there is nothing to show"))
+            else:
+                self._tell(Opened(plan, policy, recording, windows))
+        except EtnetError as error:
+            self._tell(Unopened(plan, str(error)))

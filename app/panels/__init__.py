@@ -1,0 +1,1 @@
+"""The parts of the page: each lays out its widgets once, and shows a `Page` whenever it changes."""

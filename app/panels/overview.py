@@ -1,0 +1,85 @@
+"""What belongs to no column: the strip of provenance, the scene's legend, the demo's three large pictures."""
+
+from __future__ import annotations
+
+import viser
+
+from app.channel import ON_PICK
+from app.panels.base import Dispatch, Html, Page
+from app.panels.pictures import reconstruction
+from app.present import camera_frame_html, event_image_html, provenance_html
+from app.present.cloud import EventCloud
+from etnet.render.colours import OFF, ON, hexadecimal
+
+
+_HELP = f'<span><button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button></span>'
+
+
+class Provenance:
+    """File, sensor, network, precision, windows, speed, density, exactness: one line."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """It is placed into the title bar by the theme."""
+        self._strip = Html(gui)
+
+    def show(self, page: Page) -> None:
+        """Say what is on show and how it was made."""
+        if page.moment is None:
+            self._strip.show(_HELP)
+            return
+        strip = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
+        self._strip.show(f'<div class="etv-provenance">{strip}</div>{_HELP}')
+
+
+class SceneLegend:
+    """What the two hues mean, how many of the events are drawn, which workspace the page is in."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """It is placed over the scene by the theme."""
+        self._legend = Html(gui)
+        self._cloud: EventCloud | None = None
+
+    def tell(self, cloud: EventCloud | None) -> None:
+        """The cloud that stands in the scene."""
+        self._cloud = cloud
+
+    def show(self, page: Page) -> None:
+        """Also the mark by which the theme knows the workspace."""
+        mark = f'<i data-etv-workspace="{page.state.workspace}"></i>'
+        cloud = self._cloud
+        if page.moment is None or cloud is None or not _shows_cloud(page):
+            self._legend.show(mark)
+            return
+        drawn = f"{len(cloud.positions):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
+        self._legend.show(
+            f'{mark}<div class="et etv-scene-legend" data-testid="scene-legend">'
+            f'<span class="et-swatch"><i style="background:{hexadecimal(ON)}"></i>brighter (ON)</span>'
+            f'<span class="et-swatch"><i style="background:{hexadecimal(OFF)}"></i>darker (OFF)</span>'
+            f'<span class="et-note">{drawn} · the newest lie at the picture</span></div>'
+        )
+
+
+class Demo:
+    """Three equally large pictures in plain words."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """The theme lets it fill the page."""
+        self._pictures = Html(gui)
+
+    def show(self, page: Page) -> None:
+        """Nothing is drawn while another workspace is on show."""
+        if page.state.workspace != "demo" or page.moment is None:
+            self._pictures.show('<div class="etv-demo"></div>')
+            return
+        shown = [
+            ("Changes the sensor reported", event_image_html(page.moment, page.state.event_image)),
+            ("Image the network makes of them", reconstruction(page, is_plain=True)),
+        ]
+        if page.moment.recording.ground_truth is not None:
+            shown.append(("Ordinary camera", camera_frame_html(page.moment, tones=page.tones)))
+        figures = "".join(f"<figure><h2>{title}</h2>{content}</figure>" for title, content in shown)
+        self._pictures.show(f'<div class="etv-demo" style="--figures:{len(shown)}" data-testid="demo">{figures}</div>')
+
+
+def _shows_cloud(page: Page) -> bool:
+    return page.state.shows_events and page.state.camera != "front" and page.state.workspace != "demo"

@@ -1,0 +1,130 @@
+"""Which recording, cut into which windows, by which network in which precision."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import viser
+
+from app import intents as ask
+from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+
+KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
+PRECISIONS: dict[ask.Precision, str] = {"auto": "whichever is faster", "fp32": "fp32", "bf16": "bf16"}
+DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
+STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
+
+
+class Source:
+    """What is looked at, and through what."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """Dropdowns speak titles; intents speak ids."""
+        self._recordings: dict[str, str] = {}
+        self._models: dict[str, str] = {}
+        self._recording = gui.add_dropdown("Recording", ("–",))
+        self._kind = gui.add_dropdown("Windows by", KINDS)
+        self._number = gui.add_number("Each holds", 0.35, min=0.0001)
+        self._model = gui.add_dropdown("Network", ("–",))
+        self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
+        self._facts = Html(gui)
+        arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
+        on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
+        on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
+        on_visitor(self._number, self._policy_with, dispatch)
+        on_visitor(self._model, lambda title: _chosen(self._models.get(title)), dispatch)
+        on_visitor(self._precision, lambda text: ask.ChoosePrecision(arithmetic.get(text, "auto")), dispatch)
+
+    def show(self, page: Page) -> None:
+        """Let the widgets say what is open, and list what was noticed on opening it."""
+        _offer(self._recording, self._recordings, page.recordings, page.state.recording_id)
+        _offer(self._model, self._models, page.models, page.state.model_id)
+        assign(self._precision, PRECISIONS[page.state.precision])
+        self._show_policy(page.state.policy)
+        self._facts.show(_facts(page))
+
+    def _policy_with(self, number: float) -> ask.Intent | None:
+        return ask.ChoosePolicy(policy_of(self._kind.value, float(number))) if number > 0 else None
+
+    def _show_policy(self, policy: Policy | None) -> None:
+        if policy is None:
+            return
+        kind, number = words_of(policy)
+        assign(self._kind, kind)
+        self._number.visible = kind != "camera frames"
+        if kind != "camera frames" and seconds_since_touched(self._number) > 0.4:
+            self._number.step = STEPS[kind]
+            assign(self._number, number)
+
+
+def policy_of(kind: str, number: float) -> Policy:
+    """A window policy from its words; every number is brought to the least that the policy takes."""
+    match kind:
+        case "milliseconds":
+            return ByDuration(max(1, round(min(number, 1e7) * 1000)))
+        case "number of events":
+            return ByCount(max(1, round(min(number, 1e9))))
+        case "camera frames":
+            return BetweenFrames()
+    return ByDensity(min(max(number, 1e-4), 1e4))
+
+
+def words_of(policy: Policy) -> tuple[str, float]:
+    """The words of a policy, and its number (0 for none)."""
+    match policy:
+        case ByDuration(duration, _):
+            return "milliseconds", duration / 1000
+        case ByCount(num_events):
+            return "number of events", float(num_events)
+        case ByDensity(events_per_pixel):
+            return "events per pixel", events_per_pixel
+        case BetweenFrames():
+            return "camera frames", 0.0
+
+
+def _opened(recording_id: str | None) -> ask.Intent | None:
+    return None if recording_id is None else ask.OpenRecording(recording_id)
+
+
+def _chosen(model_id: str | None) -> ask.Intent | None:
+    return None if model_id is None else ask.ChooseModel(model_id)
+
+
+def _offer(
+    dropdown: viser.GuiDropdownHandle[Any], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
+) -> None:
+    offered: dict[str, str] = {}
+    for choice in choices:
+        # Two files of one name are told apart by where they come from, and at last by a number.
+        title = choice.title if choice.title not in offered else f"{choice.title} ({choice.subtitle})"
+        while title in offered:
+            title += " ·"
+        offered[title] = choice.id
+    if offered and offered != ids:
+        ids.clear()
+        ids.update(offered)
+        dropdown.options = tuple(offered)
+    for title, choice_id in ids.items():
+        if choice_id == chosen:
+            assign(dropdown, title)
+
+
+def _facts(page: Page) -> str:
+    if page.moment is None:
+        return f'<div class="et"><div class="et-note">{escape(page.trouble)}</div></div>' if page.trouble else ""
+    recording = page.moment.recording
+    truth = recording.ground_truth
+    told = [
+        ("Events", f"{recording.num_events:,}"),
+        ("Length", f"{recording.span.duration / 1e6:.3f} s"),
+        ("Sensor", f"{recording.sensor} pixels"),
+        ("Camera frames", f"{len(truth):,}" if truth else "none"),
+        ("Format", recording.format),
+        ("Windows", f"{len(page.moment.windows):,}"),
+    ]
+    rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
+    remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
+    noticed = f"<h3>Noticed on opening</h3><ul>{remarks}</ul>" if remarks else ""
+    return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}</div>'

@@ -1,0 +1,290 @@
+"""One visitor: what he asked for, what his page shows, and the thread that turns the one into the other.
+
+Callbacks only put things into the mailbox. The visitor's own thread takes them out, folds them into his `ViewState`,
+draws what needs no model at once, and asks the engine for the rest; the newest wish wins.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+
+import viser
+
+from app import intents as ask
+from app.answers import Answers
+from app.catalogue import Catalogue
+from app.channel import AskHelp, Hello, Resized
+from app.engine import Engine
+from app.keeper import Keeper
+from app.layout import build_layout, show_help
+from app.opening import Opened, Opener, Plan, Unopened
+from app.panels.base import Choice, Page
+from app.playing import Player
+from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.scene.space import Space
+from app.stage import Stage
+from app.view_state import Limits, ViewState, reduce
+from app.wishes import Failed, Ready, Reply, Wish, Working
+
+PUSH_INTERVAL = 1 / 12
+"""Seconds between two pushes: a browser that is sent more shows less."""
+REST = 0.3
+"""Seconds without a new window after which the scene is drawn in full."""
+WAIT_FOR_HELLO = 1.0
+"""Seconds in which a page says which tab it is; after that it is shown the default view."""
+GLANCE = 0.5
+"""Seconds between two looks at what the engine has cached."""
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class CanvasChanged:
+    """The canvas has another shape; the camera must be placed anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """The visitor has gone."""
+
+
+Item = ask.Intent | Hello | Resized | AskHelp | Reply | Opened | Unopened | CanvasChanged | Closed
+
+
+class Session:
+    """Made when a visitor connects, closed when he leaves."""
+
+    def __init__(self, client: viser.ClientHandle, catalogue: Catalogue, engine: Engine, default: ViewState) -> None:
+        self._client = client
+        self._catalogue = catalogue
+        self._engine = engine
+        self._visitor = f"visitor-{client.client_id}"
+        self._mail: SimpleQueue[Item] = SimpleQueue()
+        self._state = default
+        self._keeper = Keeper(client, default)
+        self._opener = Opener(catalogue, self._mail.put)
+        self._player = Player()
+        self._answers = Answers()
+        self._opened: Opened | None = None
+        self._refused: Plan | None = None
+        self._trouble = ""
+        self._is_known = False
+        self._has_asked = False
+        self._is_closed = False
+        self._is_dirty = True
+        self._shown_index = -1
+        self._moved_at = 0.0
+        self._pushed_at = 0.0
+        self._glanced_at = 0.0
+        self._cached: object = None
+        self._layout = build_layout(client, self._mail.put, self._mail.put)
+        self._layout.arrange(default.workspace)
+        self._stage = Stage(client, self._mail.put)
+        self._watch_canvas()
+        threading.Thread(target=self._run, daemon=True, name=self._visitor).start()
+
+    def close(self) -> None:
+        """The visitor has gone: nothing more is computed for him."""
+        self._mail.put(Closed())
+
+    # ---- the visitor's own thread ----
+
+    def _run(self) -> None:
+        try:
+            self._serve()
+        finally:
+            self._engine.drop(self._visitor)
+
+    def _serve(self) -> None:
+        began = time.monotonic()
+        while not self._is_closed:
+            try:
+                for item in self._letters(self._patience()):
+                    self._take(item)
+                if not self._is_known and time.monotonic() - began > WAIT_FOR_HELLO:
+                    self._is_known = True
+                if not self._is_closed:
+                    self._advance()
+            except Exception as error:  # what cannot be drawn must not end the visit
+                log.exception("%s: cannot draw", self._visitor)
+                self._notify("This could not be shown", f"{type(error).__name__}: {error}")
+                self._is_dirty = False
+
+    def _letters(self, patience: float) -> Iterator[Item]:
+        """Everything in the mailbox; waits up to `patience` seconds for the first."""
+        try:
+            yield self._mail.get(timeout=patience)
+            while True:
+                yield self._mail.get_nowait()
+        except Empty:
+            return
+
+    def _patience(self) -> float:
+        since = time.monotonic() - self._pushed_at
+        if self._is_dirty or self._state.is_playing:
+            return max(PUSH_INTERVAL - since, 0.001)
+        if self._is_moving():
+            return REST / 2
+        return GLANCE
+
+    def _take(self, item: Item) -> None:
+        match item:
+            case Closed():
+                self._is_closed = True
+            case Hello(tab):
+                self._greet(tab)
+            case AskHelp():
+                show_help(self._client)
+            case Resized() | CanvasChanged():
+                pass
+            case Ready() | Working() | Failed():
+                self._is_dirty |= self._answers.take(item)
+                return
+            case Opened() | Unopened():
+                self._settle(item)
+            case _:
+                self._has_asked = True
+                self._reduce(item)
+        self._is_dirty = True
+
+    def _greet(self, tab: int) -> None:
+        if self._keeper.knows_tab:
+            return
+        recalled, refused = self._keeper.recall(tab)
+        if self._has_asked:
+            return  # a slow page said hello when its visitor had already begun: his view is the newer one
+        self._is_known = True
+        self._state = recalled
+        known = {entry.id for entry in self._catalogue.entries()}
+        if self._state.recording_id not in known:
+            self._state = reduce(self._state, ask.OpenRecording(next(iter(known), "")), Limits())
+            refused = (*refused, "the recording")
+        if self._state.model_id not in {entry.id for entry in self._catalogue.models()}:
+            self._state = reduce(self._state, ask.ChooseModel(self._catalogue.models()[0].id), Limits())
+        if refused:
+            self._notify("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
+        self._layout.arrange(self._state.workspace)
+
+    def _reduce(self, intent: ask.Intent) -> None:
+        before = self._state
+        self._state = reduce(before, intent, self._limits)
+        if self._state.workspace != before.workspace:
+            self._layout.arrange(self._state.workspace)
+        if isinstance(intent, ask.ChooseCamera) and self._opened is not None:
+            self._stage.place(Space(self._opened.recording.sensor), self._state.camera, again=True)
+
+    def _settle(self, item: Opened | Unopened) -> None:
+        self._opener.heard(item.plan)
+        if item.plan != Plan(self._state.recording_id, self._state.policy):
+            return
+        if isinstance(item, Opened):
+            self._opened, self._refused, self._trouble = item, None, ""
+            self._reduce(ask.Settle(item.policy))
+            return
+        self._notify("Cannot be shown", item.message)
+        held = self._opened
+        if held is not None and held.plan.recording_id == item.plan.recording_id:
+            self._reduce(ask.ChoosePolicy(held.policy))  # the windows that worked
+        else:
+            self._opened, self._refused, self._trouble = None, item.plan, item.message
+
+    @property
+    def _limits(self) -> Limits:
+        held = self._opened
+        return held.limits if held is not None and held.plan.recording_id == self._state.recording_id else Limits()
+
+    def _advance(self) -> None:
+        if not self._is_known:
+            return
+        plan = Plan(self._state.recording_id, self._state.policy)
+        if self._moment() is None and plan != self._refused:
+            self._opener.want(plan)
+        due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
+        if due is not None:
+            self._reduce(ask.PlayTo(due))
+            self._is_dirty = True
+        self._glance()
+        is_due = time.monotonic() - self._pushed_at >= PUSH_INTERVAL
+        if self._state.index != self._shown_index:
+            self._moved_at = time.monotonic()
+        elif self._moved_at and not self._is_moving():
+            self._moved_at, self._is_dirty = 0.0, True  # at rest: once more, in full
+        if self._is_dirty and is_due:
+            self._is_dirty = False
+            self._pushed_at = time.monotonic()
+            self._push()
+        if not self._keeper.keep(self._state) and not self._is_dirty:
+            self._glanced_at = min(self._glanced_at, time.monotonic() - GLANCE)
+
+    def _is_moving(self) -> bool:
+        return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
+
+    def _glance(self) -> None:
+        if self._answers.wish is not None and time.monotonic() - self._glanced_at > GLANCE:
+            self._glanced_at = time.monotonic()
+            cached = self._engine.cached(self._answers.wish)
+            self._is_dirty |= cached != self._cached
+            self._cached = cached
+
+    def _push(self) -> None:
+        moment = self._moment()
+        if moment is not None:
+            self._ask(moment)
+        page = self._page(moment)
+        self._layout.legend.tell(self._stage.show(page))
+        self._layout.show(page)
+        self._shown_index = self._state.index
+        self._client.flush()
+
+    def _moment(self) -> Moment | None:
+        held, state = self._opened, self._state
+        if held is None or held.plan.recording_id != state.recording_id or held.policy != state.policy:
+            return None
+        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
+
+    def _ask(self, moment: Moment) -> None:
+        state = self._state
+        wish = Wish(
+            state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
+        )
+        if self._answers.ask(wish):
+            self._engine.request(self._visitor, wish, self._mail.put)
+
+    def _page(self, moment: Moment | None) -> Page:
+        model = self._catalogue.model(self._state.model_id)
+        answers = self._answers
+        return Page(
+            self._state,
+            moment,
+            answers.ready if moment is not None else None,
+            answers.working,
+            answers.failed,
+            self._cached,  # pyright: ignore[reportArgumentType]  the engine's report is what the timeline draws
+            Tones.of(self._state, model.is_linear_light),
+            AttentionLook.of(self._state, model.is_linear_light),
+            ModelFacts(model.title, model.trained_band),
+            self._engine.status(answers.wish).step_milliseconds if answers.wish else None,
+            self._is_moving() or self._state.is_playing,
+            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
+            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
+            self._trouble,
+        )
+
+    def _notify(self, title: str, body: str) -> None:
+        self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
+
+    def _watch_canvas(self) -> None:
+        """Docks reach their width after the page is up, and windows are resized: the camera must fit."""
+        seen = round(self._client.camera.aspect, 2)
+
+        @self._client.camera.on_update
+        async def _(camera: viser.CameraHandle) -> None:
+            nonlocal seen
+            aspect = round(camera.aspect, 2)
+            if aspect != seen:
+                seen = aspect
+                self._mail.put(CanvasChanged())

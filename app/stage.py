@@ -1,0 +1,74 @@
+"""The middle of the page: event cloud, frame plane and camera of one visitor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import viser
+from jaxtyping import UInt8
+
+from app import intents as ask
+from app.layout import place_camera
+from app.panels.base import Page
+from app.present import EventCloud, attention_image, event_cloud, reconstruction_image
+from app.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
+from app.scene.frame_plane import FramePlane
+from app.scene.space import Space
+
+LAGGING = 0.45
+"""Brightness of a picture that belongs to another window than the one on show."""
+
+
+class Stage:
+    """Draws a page into the scene; places the camera when the preset or the canvas changes."""
+
+    def __init__(self, client: viser.ClientHandle, dispatch: Callable[[ask.Intent], None]) -> None:
+        self._client = client
+        self._cloud = CloudNode(client.scene)
+        self._plane = FramePlane(client.scene, dispatch)
+        self._placed: tuple[Space, ask.Camera, float] | None = None
+
+    def show(self, page: Page) -> EventCloud | None:
+        """Draw the moment; the cloud that is drawn, if any."""
+        if page.moment is None:
+            return None
+        state, space = page.state, Space(page.moment.recording.sensor)
+        shows_cloud = state.shows_events and state.camera != "front" and state.workspace != "demo"
+        cloud = (
+            event_cloud(page.moment, POINTS_IN_MOTION if page.is_moving else POINTS_AT_REST) if shows_cloud else None
+        )
+        key, picture = _picture(page)
+        with self._client.atomic():
+            self._cloud.set_visible(shows_cloud)
+            if cloud is not None:
+                self._cloud.show(space, cloud)
+            self._plane.show(space, key, picture)
+        self.place(space, state.camera)
+        return cloud
+
+    def place(self, space: Space, camera: ask.Camera, again: bool = False) -> None:
+        """Put the camera to its preset if preset, sensor or canvas changed, or if it is asked for `again`."""
+        aspect = round(self._client.camera.aspect, 2)
+        if again or self._placed != (space, camera, aspect):
+            self._placed = (space, camera, aspect)
+            place_camera(self._client, space, camera)
+
+
+def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
+    """What stands on the plane, and a key that tells it from any other: a map in the attention workspace, else the frame."""
+    ready, state = page.ready, page.state
+    if ready is None:
+        return None, None
+    lags = ready.wish.index != state.index
+    if state.workspace == "attention" and page.look is not None and ready.attention is not None:
+        image = attention_image(ready, page.look, state.site)
+        if image is not None:
+            return ("attention", ready.key, page.look, state.site, lags), _dimmed(image, lags)
+    grey = cv2.cvtColor(reconstruction_image(ready, page.tones), cv2.COLOR_GRAY2RGB)
+    return ("frame", ready.key, page.tones, lags), _dimmed(grey, lags)
+
+
+def _dimmed(image: UInt8[np.ndarray, "h w 3"], lags: bool) -> UInt8[np.ndarray, "h w 3"]:
+    return (image * LAGGING).astype(np.uint8) if lags else image

@@ -1,0 +1,80 @@
+// The page's end of app/channel.py: what viser's widgets cannot say. Every message is a text "kind|…|counter".
+(() => {
+  let counter = Date.now();
+  const say = (...parts) => {
+    const page = window.__viserMutable;
+    if (!page || !window.etnetChannel) return;
+    const value = [...parts, ++counter].join("|");
+    page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value } });
+  };
+
+  // One number a tab, kept while the tab lives: a reload finds its own view again, a second tab has another.
+  const tab = () => {
+    try {
+      const kept = sessionStorage.getItem("etnet-tab");
+      const number = kept ?? String(Math.floor(Math.random() * 256));
+      sessionStorage.setItem("etnet-tab", number);
+      return number;
+    } catch {
+      return "0";
+    }
+  };
+  const size = () => [window.innerWidth, window.innerHeight];
+  window.etnetHello = () => say("hello", tab(), ...size());
+
+  // Clicks, and dragging over an image, which asks at every new place, at most 15 times a second.
+  const isPixel = (element) => element?.dataset.k === "pixel";
+  let held = null;
+  let last = 0;
+  const pick = (element, event) => {
+    const box = element.getBoundingClientRect();
+    const u = (event.clientX - box.left) / box.width;
+    const v = (event.clientY - box.top) / box.height;
+    const inside = (f) => Math.min(Math.max(f, 0), 0.99999).toFixed(5);
+    say("pick", element.dataset.k, inside(u), inside(v));
+  };
+  document.addEventListener("pointerdown", (event) => {
+    const element = event.target.closest?.("[data-pick]");
+    if (!element || event.button !== 0) return;
+    pick(element, event);
+    held = isPixel(element) ? element : null;
+  });
+  document.addEventListener("pointermove", (event) => {
+    if (!held || event.timeStamp - last < 66) return;
+    last = event.timeStamp;
+    const under = held.isConnected ? held : document.elementFromPoint(event.clientX, event.clientY)?.closest("[data-pick]");
+    if (isPixel(under)) pick((held = under), event);
+  });
+  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => (held = null));
+
+  // Keys that viser's commands do not know. Not while something is being typed.
+  const keys = { ",": "comma", ".": "period", "?": "question" };
+  document.addEventListener("keydown", (event) => {
+    const typing = event.target.closest?.("input:not([type=checkbox]), textarea, [contenteditable=true]");
+    if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey && keys[event.key]) say("key", keys[event.key]);
+  });
+
+  // The theme places a legend over the scene: it must know where the scene is.
+  const place = () => {
+    const root = document.querySelector("[data-dock-root]");
+    const scene = root?.firstElementChild?.getBoundingClientRect();
+    if (!scene) return;
+    const style = document.documentElement.style;
+    style.setProperty("--etv-scene-left", `${scene.left}px`);
+    style.setProperty("--etv-scene-right", `${window.innerWidth - scene.right}px`);
+    style.setProperty("--etv-scene-top", `${scene.top}px`);
+    style.setProperty("--etv-scene-bottom", `${window.innerHeight - scene.bottom}px`);
+  };
+  const scene = document.querySelector("[data-dock-root]")?.firstElementChild;
+  if (scene) new ResizeObserver(place).observe(scene);
+  let waiting = 0;
+  window.addEventListener("resize", () => {
+    place();
+    clearTimeout(waiting);
+    waiting = setTimeout(() => say("size", ...size()), 150);
+  });
+
+  document.title = "ET-Net viewer";
+  place();
+  window.etnetHello();
+})();

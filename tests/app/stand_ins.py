@@ -1,0 +1,215 @@
+"""Stand-ins for the page's tests: a catalogue and an engine in memory, and a browser that is only a websocket."""
+
+import asyncio
+import contextlib
+import struct
+import threading
+import time
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import viser
+import zstandard
+from websockets.asyncio.client import connect
+
+
+from app.catalogue import CatalogueError, Entry, ModelEntry
+from app.engine import EngineStatus
+from app.server import Address, free_port, start_server
+from app.session import Session
+from app.view_state import ViewState
+from app.wishes import Failed, Ready, Working
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+from etnet.events.recording import GroundTruth, recording_of_events
+from etnet.nets.runtime import Contract, Runtime
+
+CONTRACT = Contract(Runtime(), "cpu", 1, "none", "test")
+SENSOR = Sensor(40, 30)
+
+
+def recording(name="moving", num_frames=31, num_events=6000, seed=0):
+    rng = np.random.default_rng(seed)
+    stamps = np.arange(num_frames, dtype=np.int64) * 10_000
+    events = Events(
+        rng.integers(0, SENSOR.width, num_events).astype(np.uint16),
+        rng.integers(0, SENSOR.height, num_events).astype(np.uint16),
+        np.sort(rng.integers(0, int(stamps[-1]), num_events)).astype(np.int64),
+        rng.choice(np.array([-1, 1], np.int8), num_events),
+        SENSOR,
+    )
+    frame = np.linspace(0, 1, SENSOR.num_pixels, dtype=np.float32).reshape(SENSOR.height, SENSOR.width)
+    return recording_of_events(events, name, ground_truth=GroundTruth(stamps, lambda i: frame))
+
+
+class Shelf:
+    """Two recordings that open and one that does not."""
+
+    def __init__(self):
+        self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
+
+    def entries(self):
+        return tuple(Entry(i, f"recording {i}", "data", "", None) for i in ("a", "b", "broken"))
+
+    def models(self):
+        return (ModelEntry("m", "a network", "", True, (0.1, 1.0), 5, "m"),)
+
+    def model(self, model_id):
+        if model_id != "m":
+            raise CatalogueError("no such model")
+        return self.models()[0]
+
+    def open(self, recording_id):
+        if recording_id not in self.recordings:
+            raise RecordingError("broken.h5: the file ends at byte 12; copy it again")
+        return self.recordings[recording_id]
+
+
+class InstantEngine:
+    """Answers at once, on a thread of its own, unless it is held; remembers what was asked."""
+
+    def __init__(self):
+        self.wishes = []
+        self.dropped = []
+        self.is_held = False
+        self.failure = ""
+
+    def request(self, visitor, wish, deliver):
+        self.wishes.append((visitor, wish))
+        if self.is_held:
+            deliver(Working(wish, 14, 19, "replaying"))
+            return
+        threading.Thread(target=self._answer, args=(wish, deliver), daemon=True).start()
+
+    def _answer(self, wish, deliver):
+        if self.failure:
+            deliver(Failed(wish, self.failure))
+            return
+        frame = np.full((SENSOR.height, SENSOR.width), 0.5, np.float32)
+        deliver(Ready(wish, frame, None, 3.0, True, False, False, CONTRACT, wish.index))
+
+    def drop(self, visitor):
+        self.dropped.append(visitor)
+
+    def cached(self, wish):
+        return None
+
+    def status(self, wish):
+        return EngineStatus(False, 42.0, "fp32", 0)
+
+
+@dataclass
+class Served:
+    """A running viewer over stand-ins."""
+
+    port: int
+    engine: InstantEngine
+    shelf: Shelf
+    sessions: dict
+
+
+@contextlib.contextmanager
+def served():
+    shelf, engine, sessions = Shelf(), InstantEngine(), {}
+
+    def visit(client):
+        sessions[client.client_id] = Session(
+            client, shelf, engine, ViewState(recording_id="a", model_id="m", precision="fp32")
+        )
+        return sessions[client.client_id]
+
+    server = start_server(Address(), free_port("127.0.0.1", 18_600), visit)
+    try:
+        yield Served(server.get_port(), engine, shelf, sessions)
+    finally:
+        server.stop()
+
+
+class Browser:
+    """A page without a screen: keeps the widgets' last state and can use them as a visitor does."""
+
+    def __init__(self, socket, tab=7):
+        self._socket = socket
+        self.widgets = {}
+        self.types = {}
+        self.storage = {}
+        self.notices = []
+        self.arrivals = []
+        self.tab = tab
+
+    @classmethod
+    @contextlib.asynccontextmanager
+    async def open(cls, port, tab=7, storage=None, aspect=1.6):
+        protocol = f"viser-v{viser.__version__}"
+        async with connect(
+            f"ws://127.0.0.1:{port}", subprotocols=[protocol], max_size=None, compression=None
+        ) as socket:
+            browser = cls(socket, tab)
+            browser.storage = {} if storage is None else storage
+            reader = asyncio.create_task(browser._read())
+            await browser._send(_camera(aspect))
+            try:
+                yield browser
+            finally:
+                reader.cancel()
+
+    async def _send(self, message):
+        await self._socket.send(msgspec.msgpack.encode(message))
+
+    async def _read(self):
+        async for raw in self._socket:
+            size, packed = struct.unpack("<QQ", raw[:16])
+            content = zstandard.ZstdDecompressor().decompress(raw[16 : 16 + packed], max_output_size=size)
+            for message in msgspec.msgpack.decode(content)["messages"]:
+                await self._hear(message)
+
+    async def _hear(self, message):
+        kind = message["type"]
+        self.arrivals.append((time.monotonic(), kind, message))
+        if kind.startswith("Gui") and "props" in message and "uuid" in message:
+            self.widgets[message["uuid"]] = dict(message["props"], value=message.get("value"))
+            self.types[message["uuid"]] = kind
+            if message["props"].get("label") == "channel" and self.tab is not None:
+                await self.use(message["uuid"], f"hello|{self.tab}|1600|900|1")
+        elif kind == "GuiUpdateMessage" and message["uuid"] in self.widgets:
+            self.widgets[message["uuid"]].update(message["updates"])
+        elif kind == "NotificationShowMessage":
+            self.notices.append(message["props"])
+        elif kind == "LocalStorageSetItemMessage":
+            self.storage[message["key"]] = message["value"]
+        elif kind == "LocalStorageGetItemRequestMessage":
+            await self._send(
+                {
+                    "type": "LocalStorageGetItemResponseMessage",
+                    "value": self.storage.get(message["key"]),
+                    "error": None,
+                    "request_uuid": message["request_uuid"],
+                }
+            )
+
+    async def use(self, uuid, value):
+        await self._send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+
+    def widget(self, label):
+        return next(uuid for uuid, props in self.widgets.items() if props.get("label") == label)
+
+    def html(self):
+        return "\n".join(str(props.get("content", "")) for props in self.widgets.values())
+
+    async def until(self, condition, patience=15.0):
+        ends = time.monotonic() + patience
+        while not condition():
+            assert time.monotonic() < ends, self.html()[-3000:]
+            await asyncio.sleep(0.01)
+
+    async def until_shown(self, text, patience=15.0):
+        await self.until(lambda: text in self.html(), patience)
+
+
+def _camera(aspect):
+    return {
+        "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, -5], "fov": 1.0, "near": 0.01,
+        "far": 100.0, "image_height": 900, "image_width": int(900 * aspect), "look_at": [0, 0, 0],
+        "up_direction": [0, -1, 0],
+    }  # fmt: skip

@@ -1,0 +1,77 @@
+"""Replies come late, out of order and for wishes that were given up: what is on show is never older or worse."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from app import intents as ask
+from app.answers import Answers
+from app.channel import AskHelp, Hello, Resized, parse
+from app.wishes import Failed, Ready, Wish, Working
+from etnet.windows import ByCount
+from tests.app.stand_ins import CONTRACT
+
+WISH = Wish("a", "m", "fp32", ByCount(9), 5)
+
+
+def ready(wish, is_approximate=False):
+    frame = np.zeros((2, 2), np.float32)
+    return Ready(wish, frame, None, 1.0, not is_approximate, is_approximate, False, CONTRACT, 5)
+
+
+def test_a_preview_never_replaces_the_exact_frame_of_its_window():
+    answers = Answers()
+    answers.ask(WISH)
+    exact = ready(WISH)
+    assert answers.take(exact)
+    assert not answers.take(ready(WISH, is_approximate=True))
+    assert answers.ready is exact
+    assert answers.index == 5
+
+
+def test_a_preview_is_shown_but_is_no_finished_picture():
+    answers = Answers()
+    answers.ask(WISH)
+    answers.take(ready(WISH, is_approximate=True))
+    assert answers.ready is not None
+    assert answers.index is None
+
+
+def test_work_and_failure_of_a_wish_given_up_are_no_news():
+    answers = Answers()
+    answers.ask(WISH)
+    answers.ask(replace(WISH, index=6))
+    assert not answers.take(Working(WISH, 1, 2, "replaying"))
+    assert not answers.take(Failed(WISH, "no"))
+    assert answers.take(Failed(replace(WISH, index=6), "no"))
+
+
+def test_another_recordings_picture_is_never_shown():
+    answers = Answers()
+    answers.ask(WISH)
+    answers.take(ready(WISH))
+    answers.ask(replace(WISH, recording_id="b"))
+    assert answers.ready is None
+    assert not answers.take(ready(WISH))
+
+
+def test_the_same_wish_is_asked_once():
+    answers = Answers()
+    assert answers.ask(WISH)
+    assert not answers.ask(WISH)
+    assert answers.ask(replace(WISH, wants_attention=True))
+
+
+def test_what_a_page_says_is_understood():
+    assert parse("pick|pixel|0.25000|0.50000|17") == ask.QueryFraction(0.25, 0.5)
+    assert parse("pick|site:scale1.encoder.0.self|0.1|0.1|18") == ask.OpenSite("scale1.encoder.0.self")
+    assert parse("pick|heads:close|0.1|0.1|18") == ask.CloseSite()
+    assert parse("pick|head:mean|0|0|1") == ask.ChooseHead(None)
+    assert parse("pick|head:3|0|0|1") == ask.ChooseHead(3)
+    assert parse("pick|bin:2|0|0|1") == ask.OpenBin(2)
+    assert parse("pick|bin:|0|0|1") == ask.OpenBin(None)
+    assert parse("key|comma|1") == ask.Move(-1)
+    assert parse("key|question|1") == AskHelp()
+    assert parse("hello|300|1600|900|1") == Hello(44, 1600, 900)
+    assert parse("size|390|844|1") == Resized(390, 844)
+    assert parse("pick|elsewhere|0|0|1") is None

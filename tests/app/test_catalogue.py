@@ -1,0 +1,216 @@
+import gc
+import shutil
+import subprocess
+import sys
+import threading
+import weakref
+
+import numpy as np
+import pytest
+
+from app.catalogue import (
+    Catalogue,
+    CatalogueError,
+    runnable_downsample,
+    suited_policy,
+)
+from app.config import ConfigError, ViewerConfig
+from etnet.bundled import samples
+from etnet.errors import EtnetError, WeightsError
+from etnet.windows import BetweenFrames, ByDensity
+from tests.real_data import real_file
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A data folder with a good file, a broken one, one beside a recording, and things that are no recordings."""
+    rng = np.random.default_rng(0)
+    rows = np.column_stack([np.sort(rng.random(90)), rng.integers(0, 20, (90, 2)), rng.integers(0, 2, 90)])
+    (tmp_path / "inside").mkdir()
+    np.savetxt(tmp_path / "inside" / "good.txt", rows, fmt="%.6f %d %d %d")
+    (tmp_path / "broken.h5").write_bytes(b"nothing of the kind")
+    (tmp_path / "images.txt").write_text("0.1 images/frame_00000.png\n")
+    (tmp_path / "notes.pdf").write_bytes(b"%PDF")
+    (tmp_path / ".hidden.txt").write_text("x")
+    return tmp_path
+
+
+def entry_of(catalogue, title):
+    return next(entry for entry in catalogue.entries() if entry.title == title)
+
+
+def test_bundled_recordings_come_first_and_each_has_its_own_id():
+    entries = Catalogue(ViewerConfig()).entries()
+    assert [entry.kind for entry in entries] == ["bundled"] * len(samples()) + ["on demand"]
+    assert len({entry.id for entry in entries}) == len(entries)
+
+
+def test_a_data_folder_is_searched_for_what_can_be_a_recording(folder):
+    found = [entry for entry in Catalogue(ViewerConfig(data=folder)).entries() if entry.kind == "data"]
+    assert [entry.title for entry in found] == ["broken.h5", "good.txt"]
+    assert found[1].subtitle.startswith("inside")
+
+
+def test_ids_tell_no_path_and_stay_the_same(folder):
+    first, second = (Catalogue(ViewerConfig(data=folder)).entries() for _ in range(2))
+    assert [entry.id for entry in first] == [entry.id for entry in second]
+    for entry in first:
+        assert "/" not in entry.id
+        assert entry.title not in entry.id or entry.kind == "on demand"
+        assert str(folder) not in repr(entry)
+
+
+@pytest.mark.parametrize("asked", ["", "data-../../etc/passwd", "/etc/passwd"])
+def test_what_is_not_listed_cannot_be_opened(asked):
+    with pytest.raises(CatalogueError):
+        Catalogue(ViewerConfig()).open(asked)
+
+
+def test_the_file_of_the_command_line_is_first(folder):
+    catalogue = Catalogue(ViewerConfig(file=folder / "inside" / "good.txt"))
+    assert catalogue.entries()[0].kind == "file"
+    assert catalogue.open(catalogue.entries()[0].id).num_events == 90
+
+
+def test_a_broken_file_is_an_error_with_a_name(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    with pytest.raises(EtnetError, match=r"broken\.h5"):
+        catalogue.open(entry_of(catalogue, "broken.h5").id)
+
+
+def test_two_visitors_share_one_opened_recording(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    entry, opened = entry_of(catalogue, "good.txt"), []
+    threads = [threading.Thread(target=lambda: opened.append(catalogue.open(entry.id))) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(opened) == 8
+    assert len({id(recording) for recording in opened}) == 1
+
+
+def test_a_recording_nobody_uses_any_more_is_closed(folder, monkeypatch):
+    monkeypatch.setattr("app.catalogue.KEPT_OPEN", 1)
+    shutil.copy(folder / "inside" / "good.txt", folder / "other.txt")
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    in_use = catalogue.open(entry_of(catalogue, "good.txt").id)
+    unused = weakref.ref(catalogue.open(entry_of(catalogue, "other.txt").id))
+    catalogue.open(entry_of(catalogue, "good.txt").id)
+    gc.collect()
+    assert unused() is None
+    assert len(in_use.read(0, 90)) == 90
+
+
+def test_a_new_file_is_found_on_looking_again(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    shutil.copy(folder / "inside" / "good.txt", folder / "new.txt")
+    assert "new.txt" in [entry.title for entry in catalogue.rescan()]
+
+
+def test_a_recording_on_demand_is_fetched_when_it_is_opened_and_tells_its_terms(folder, monkeypatch):
+    asked = []
+
+    def fetch(sample, progress=None):
+        asked.append(sample.name)
+        return folder / "inside" / "good.txt"
+
+    monkeypatch.setattr("app.catalogue.fetch", fetch)
+    catalogue = Catalogue(ViewerConfig())
+    entry = next(entry for entry in catalogue.entries() if entry.kind == "on demand")
+    assert "non-commercial" in entry.terms
+    assert asked == []
+    assert catalogue.open(entry.id).num_events == 90
+    assert catalogue.open(entry.id).num_events == 90
+    assert asked == ["slider_depth"]
+
+
+def test_models_have_a_card_and_the_wanted_one_is_first():
+    models = Catalogue(ViewerConfig()).models()
+    assert models[0].id == "etnet-half"
+    assert models[0].is_linear_light
+    low, high = models[0].trained_band
+    assert 0 < low < high
+
+
+def test_a_model_that_is_not_there_is_said_before_anything_is_served(folder):
+    with pytest.raises(WeightsError, match="no such weights file"):
+        Catalogue(ViewerConfig(model="nonsense"))
+    with pytest.raises(WeightsError, match="not a weights file"):
+        Catalogue(ViewerConfig(model=str(folder / "broken.h5")))
+    with pytest.raises(CatalogueError):
+        Catalogue(ViewerConfig()).model("nonsense")
+
+
+def test_neither_catalogue_nor_present_nor_engine_load_torch():
+    code = (
+        "import sys, app.catalogue, app.config, app.engine, app.present;"
+        "c = app.catalogue.Catalogue(app.config.ViewerConfig()); c.models(); c.open(c.entries()[0].id);"
+        "e = app.engine.Engine(c, 1 << 20); e.stop();"
+        "assert 'torch' not in sys.modules and 'viser' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_windows_suit_the_recording():
+    catalogue = Catalogue(ViewerConfig())
+    assert suited_policy(catalogue.open(catalogue.entries()[0].id)) == BetweenFrames()
+
+
+def test_sensors_are_brought_to_a_size_that_runs():
+    assert [runnable_downsample(w * h) for w, h in [(240, 180), (346, 260), (640, 480), (1280, 720)]] == [1, 1, 2, 4]
+
+
+@pytest.mark.real
+def test_a_large_sensor_is_made_smaller_and_says_so():
+    path = real_file("prophesee/evt3_1280x720_night_lights_cut.raw")
+    small = Catalogue(ViewerConfig(file=path))
+    recording = small.open(small.entries()[0].id)
+    assert (recording.sensor.width, recording.sensor.height) == (320, 180)
+    assert any("--downsample 1" in remark.text for remark in recording.remarks)
+    assert suited_policy(recording) == ByDensity(0.35)
+    whole = Catalogue(ViewerConfig(file=path, downsample=1))
+    assert whole.open(whole.entries()[0].id).sensor.width == 1280
+
+
+@pytest.mark.real
+def test_a_region_is_applied_on_opening():
+    path = real_file("aedat4/dvxplorer_lite_face_headphones_1.5s.aedat4")
+    catalogue = Catalogue(ViewerConfig(file=path, roi="10,20,100,80"))
+    assert str(catalogue.open(catalogue.entries()[0].id).sensor) == "100×80"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"roi": "1,2,3"}, "--roi"),
+        ({"host": "0.0.0.0"}, "--token"),
+        ({"port": 70_000}, "--port"),
+        ({"budget": 1}, "--budget"),
+        ({"threads": 0}, "--threads"),
+    ],
+)
+def test_options_that_do_not_go_together_are_one_line(options, said):
+    with pytest.raises(ConfigError, match=said):
+        ViewerConfig(**options)
+
+
+def test_another_host_is_allowed_with_a_token():
+    assert ViewerConfig(host="0.0.0.0", token="secret").token == "secret"
+
+
+def test_a_folder_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(ConfigError, match="no such folder"):
+        ViewerConfig(data=tmp_path / "nowhere")
+
+
+def test_the_command_line_is_the_configuration(tmp_path):
+    import tyro
+
+    config = tyro.cli(
+        ViewerConfig, args=["some.h5", "--data", str(tmp_path), "--roi", "1,2,30,40", "--downsample", "2"]
+    )
+    assert config.file.name == "some.h5"
+    assert config.region == (1, 2, 30, 40)
+    assert config.downsample == 2
+    assert config.budget_bytes == 1024 << 20

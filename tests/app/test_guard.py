@@ -1,0 +1,144 @@
+"""Who is let in: the real server on a free port, asked as a browser, a program and a foreign page would ask."""
+
+import asyncio
+import http.client
+import socket
+
+import pytest
+import viser
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from app.server import Address, AddressError, free_port, start_server
+
+
+@pytest.fixture(scope="module")
+def port():
+    server = start_server(
+        Address(token="secret-token", public_url="https://show.example/"),
+        free_port("127.0.0.1", 18_400),
+        lambda c: None,
+    )
+    yield server.get_port()
+    server.stop()
+
+
+def ask(port: int, path: str, **headers: str) -> tuple[int, dict[str, str], bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.putrequest("GET", path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    with connection.getresponse() as answer:
+        found = answer.status, dict(answer.getheaders()), answer.read()
+    connection.close()
+    return found
+
+
+KNOWN = {"Cookie": "other=1; etnet_view=secret-token"}
+
+
+def test_without_the_token_nothing_is_served(port):
+    for path in ("/", "/static/logo.svg", "/?token=wrong", "/?token=", "/?token=%FF%FE"):
+        assert ask(port, path)[0] == 401
+
+
+def test_the_token_in_the_address_becomes_a_cookie_and_leaves_the_address(port):
+    status, headers, _ = ask(port, "/?token=secret-token&darkMode=1")
+    assert status == 302
+    assert headers["Location"] == "/?darkMode=1"
+    assert "HttpOnly" in headers["Set-Cookie"]
+    assert "SameSite=Strict" in headers["Set-Cookie"]
+    assert ask(port, "/", **KNOWN)[0] == 200
+
+
+def test_the_redirect_never_leaves_this_host(port):
+    assert ask(port, "//evil.example/?token=secret-token")[1]["Location"] == "/"
+    assert ask(port, "/\\evil.example/?token=secret-token")[1]["Location"].startswith("/")
+    assert not ask(port, "/\\evil.example/?token=secret-token")[1]["Location"].startswith(("//", "/\\"))
+
+
+def test_a_foreign_host_name_is_refused_before_the_token_is_looked_at(port):
+    for host in ("evil.example", f"evil.example:{port}", "", "127.0.0.1.evil.example"):
+        assert ask(port, "/", Host=host, **KNOWN)[0] == 421
+    for host in (f"localhost:{port}", f"127.0.0.1:{port}", "[::1]", f"[::1]:{port}", "show.example"):
+        assert ask(port, "/", Host=host, **KNOWN)[0] == 200
+
+
+def test_no_path_leads_out_of_the_static_folder(port):
+    for path in (
+        "/static/../app/guard.py",
+        "/static/%2e%2e/%2e%2e/pyproject.toml",
+        "/static/..%5c..%5cx",
+        "/static/none",
+        "/static/%00",
+        "/static//etc/passwd",
+    ):
+        assert ask(port, path, **KNOWN)[0] == 404
+    status, headers, body = ask(port, "/static/logo.svg", **KNOWN)
+    assert status == 200
+    assert headers["Content-Type"] == "image/svg+xml"
+    assert b"<svg" in body
+
+
+def test_health_needs_no_token_and_tells_the_viser_version(port):
+    assert ask(port, "/healthz")[2].decode().split()[-1] == viser.__version__
+
+
+@pytest.mark.parametrize(
+    ("origin", "cookie", "status"),
+    [
+        ("http://evil.example", True, 403),
+        ("null", True, 403),
+        (None, False, 401),
+        ("own", False, 401),
+    ],
+)
+def test_a_websocket_is_refused_to_foreign_pages_and_strangers(port, origin, cookie, status):
+    async def attempt() -> int:
+        headers = KNOWN if cookie else {}
+        own = f"http://127.0.0.1:{port}" if origin == "own" else origin
+        try:
+            async with connect(
+                f"ws://127.0.0.1:{port}",
+                subprotocols=[f"viser-v{viser.__version__}"],
+                origin=own,
+                additional_headers=headers,
+            ):
+                return 101
+        except InvalidStatus as refusal:
+            return refusal.response.status_code
+
+    assert asyncio.run(attempt()) == status
+
+
+@pytest.mark.parametrize("origin", ["own", None, "https://show.example"])
+def test_its_own_page_and_a_program_with_the_token_come_in(port, origin):
+    async def attempt() -> bool:
+        own = f"http://127.0.0.1:{port}" if origin == "own" else origin
+        protocol = f"viser-v{viser.__version__}"
+        async with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], origin=own, additional_headers=KNOWN):
+            return True
+
+    assert asyncio.run(attempt())
+
+
+def test_a_busy_port_gives_the_next_free_one():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        busy = taken.getsockname()[1]
+        assert busy < free_port("127.0.0.1", busy) <= busy + 50
+
+
+def test_a_host_that_is_not_this_machine_is_one_named_error():
+    with pytest.raises(AddressError, match="try --host"):
+        free_port("192.0.2.1", 8080)
+
+
+def test_the_share_tunnel_stays_shut(port):
+    server = start_server(Address(), free_port("127.0.0.1", 18_500), lambda c: None)
+    try:
+        assert server.request_share_url() is None
+    finally:
+        server.stop()

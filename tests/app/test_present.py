@@ -1,0 +1,394 @@
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from app import present
+from app.present import style, words
+from app.present.attention import Site
+from app.present.html import empty, picture
+from app.present.shared import Shared
+from app.view_state import ViewState
+from app.wishes import Failed, Ready, Working
+from etnet.events.events import Events, Sensor
+from etnet.events.recording import GroundTruth, recording_of_events
+from etnet.nets.attention import AttentionProbe
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import contract_of
+from etnet.playback.playback import Playback
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
+
+from .fakes import POLICY, recording_of, wish
+
+PICK = 'data-pick="1"'
+EVIL = '<img src=x onerror="alert(1)">'
+VOID = {"img", "br", "rect", "path", "hr", "input", "meta", "link"}
+
+
+class Checker(HTMLParser):
+    """Collects tags and attributes; fails on tags that do not close in order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.text = [], [], ""
+        self.feed(html)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data + " "
+
+    @property
+    def keys(self):
+        return [attrs["data-k"] for _, attrs in self.tags if "data-k" in attrs]
+
+    def by_testid(self, name):
+        return [attrs for _, attrs in self.tags if attrs.get("data-testid") == name]
+
+
+@pytest.fixture(autouse=True)
+def nothing_shared(monkeypatch):
+    for store in (present.PICTURES, present.ARRAYS):
+        store._values.clear()
+
+
+@pytest.fixture(scope="module")
+def recording():
+    made = recording_of(12, Sensor(50, 37))
+    frame = np.linspace(0, 0.5, 37 * 50, dtype=np.float32).reshape(37, 50)
+    truth = GroundTruth(np.arange(1, 12) * 10_000, lambda index: frame)
+    return recording_of_events(made.read(0, made.num_events), EVIL, ground_truth=truth)
+
+
+@pytest.fixture
+def moment(recording):
+    return present.Moment("r", POLICY, 4, recording, plan_windows(recording, POLICY))
+
+
+@pytest.fixture(scope="module")
+def ready(recording):
+    model = build_model("tiny")
+    playback = Playback(model, recording, plan_windows(recording, POLICY))
+    step = playback.at(4, AttentionProbe())
+    frame = step.frame[0, 0].numpy()
+    return Ready(wish(4), frame, step.attention, 12.0, True, False, False, contract_of(model), 4)
+
+
+LOOK = present.AttentionLook((20, 30))
+TONES = present.Tones()
+
+
+def test_reconstruction_shows_the_frame_and_what_may_be_claimed_of_it(ready):
+    page = Checker(present.reconstruction_html(ready, tones=TONES, query=(10, 5), on_pick=PICK))
+    assert page.keys == ["pixel"]
+    assert "exact" in page.text
+    assert len(page.by_testid("chip-exact")) == 1
+    cross = page.by_testid("query")[0]["style"]
+    assert f"left:{10.5 / 50:.2%}" in cross
+    assert f"top:{5.5 / 37:.2%}" in cross
+
+
+@pytest.mark.parametrize(
+    ("exact", "approximate", "says"), [(False, True, "approximate"), (False, False, "not the plain")]
+)
+def test_what_is_not_exact_never_says_so(ready, exact, approximate, says):
+    other = Ready(ready.wish, ready.frame, None, 1.0, exact, approximate, False, ready.contract, 4)
+    page = Checker(present.reconstruction_html(other, tones=TONES))
+    assert page.by_testid("chip-exact") == []
+    assert says in page.text
+
+
+def test_a_panel_that_lags_is_dimmed_and_says_what_it_shows_and_computes(ready):
+    working = Working(wish(23), 14, 19, "replaying")
+    page = Checker(present.reconstruction_html(ready, tones=TONES, wanted=23, working=working))
+    assert "showing 4, computing 23 (14 of 19)" in page.text
+    assert any(attrs.get("class") == "et-lags" for _, attrs in page.tags)
+
+
+def test_nothing_lags_once_the_wanted_frame_is_there(ready):
+    page = Checker(present.reconstruction_html(ready, tones=TONES, wanted=4))
+    assert page.by_testid("lag") == []
+
+
+def test_without_a_frame_the_panel_explains_itself_and_tells_of_loading():
+    working = Working(wish(0), 0, 0, "loading the network")
+    page = Checker(present.reconstruction_html(None, tones=TONES, wanted=0, working=working))
+    assert "No image yet" in page.text
+    assert "loading the network" in page.text
+
+
+def test_an_error_is_shown_as_text_and_never_as_markup():
+    page = Checker(present.reconstruction_html(None, tones=TONES, failed=Failed(wish(0), EVIL)))
+    assert page.by_testid("failed")
+    assert "onerror" in page.text
+    assert not any("onerror" in attrs for _, attrs in page.tags)
+
+
+def test_a_hostile_file_name_stays_text(moment, ready):
+    page = Checker(present.provenance_html(moment, present.ModelFacts(EVIL), ready, 100.0))
+    assert page.text.count("onerror") == 2
+    assert not any(tag == "img" for tag, _ in page.tags)
+
+
+def test_the_camera_frame_is_the_nearest_one(moment):
+    grey, stamp = present.camera_image(moment, TONES)
+    assert grey.shape == (37, 50)
+    assert abs(stamp - moment.window.t_stop) <= 10_000
+    page = Checker(present.camera_frame_html(moment, tones=TONES, on_pick=PICK))
+    assert page.keys == ["pixel"]
+    assert "this window ends" in page.text
+
+
+def test_a_recording_without_a_camera_says_so():
+    bare = recording_of(5)
+    moment = present.Moment("bare", POLICY, 0, bare, plan_windows(bare, POLICY))
+    assert present.camera_image(moment, TONES) is None
+    assert "No camera frame in this recording" in Checker(present.camera_frame_html(moment, tones=TONES)).text
+
+
+@pytest.mark.parametrize("style_name", ["polarity", "count", "time surface", "decay"])
+def test_the_event_image_counts_both_polarities(moment, style_name):
+    page = Checker(present.event_image_html(moment, style_name, on_pick=PICK))
+    num_on = int((moment.events.p > 0).sum())
+    assert f"brighter (ON) {num_on}" in page.text
+    assert f"darker (OFF) {50 - num_on}" in page.text
+    image, limit = present.event_picture(moment, style_name)
+    assert image.shape == (37, 50, 3)
+    assert limit > 0
+
+
+def test_voxel_tiles_are_five_in_a_row_with_a_legend_in_numbers(moment):
+    page = Checker(present.voxel_html(moment, on_pick=PICK))
+    assert page.keys == [f"bin:{i}" for i in range(5)]
+    assert "≥ +" in page.text
+    assert "38–62 %" in page.text
+
+
+def test_an_opened_bin_is_shown_large_and_can_be_closed(moment):
+    page = Checker(present.voxel_html(moment, 2, on_pick=PICK))
+    assert page.keys[-1] == "bin:"
+    images = [attrs for tag, attrs in page.tags if tag == "img"]
+    assert images[-1]["width"] == "50"
+
+
+def test_an_empty_window_explains_itself():
+    nothing = recording_of_events(
+        Events(
+            np.zeros(4, np.uint16),
+            np.zeros(4, np.uint16),
+            np.array([0, 1, 2, 50_000]),
+            np.ones(4, np.int8),
+            Sensor(8, 8),
+        )
+    )
+    windows = plan_windows(nothing, ByDuration(10_000))
+    moment = present.Moment("nothing", ByDuration(10_000), 2, nothing, windows)
+    assert "given zeros" in Checker(present.voxel_html(moment)).text
+    assert "No pixel reported" in Checker(present.event_image_html(moment, "polarity")).text
+    assert len(present.event_cloud(moment, 100).positions) == 0
+    Checker(present.timeline_html(moment))
+
+
+def test_the_attention_grid_has_every_site_once_in_its_row_and_column(ready):
+    page = Checker(present.attention_html(ready, LOOK, on_pick=PICK))
+    assert sorted(page.keys) == sorted(f"site:{name}" for name in ready.attention.sites)
+    for name in ready.attention.sites:
+        assert len(page.by_testid(name)) == 1
+    assert "1/4 reads 1/8" in page.text
+    assert "1/8 reads 1/8" in page.text
+    assert "What pixel (20, 30) reads" in page.text
+    assert "1/4 ×" in page.text
+    assert "32 ×" in page.text
+
+
+def test_the_query_is_marked_on_every_map_at_its_token(ready):
+    page = Checker(present.attention_html(ready, LOOK))
+    marks = page.by_testid("query")
+    grid = ready.attention.grid
+    row, column = divmod(grid.token_at(20, 30), grid.columns)
+    assert len(marks) == len(ready.attention.sites)
+    assert {m["style"] for m in marks} == {
+        f"left:{(column + 0.5) / grid.columns:.2%};top:{(row + 0.5) / grid.rows:.2%}"
+    }
+
+
+def test_an_opened_site_shows_its_heads_and_the_large_map_in_sensor_pixels(ready):
+    name = "scale2.decoder.0.cross"
+    page = Checker(present.attention_html(ready, LOOK, opened=name, on_pick=PICK))
+    heads = ready.attention.queries[name].shape[0]
+    assert page.keys == ["heads:close", "head:mean", "pixel", *[f"head:{i}" for i in range(heads)]]
+    assert "cross-attention: 1/4 reads 1/8" in page.text
+    large = next(attrs for tag, attrs in page.tags if tag == "img" and attrs["data-k"] == "pixel")
+    assert (large["width"], large["height"]) == ("50", "37")
+
+
+@pytest.mark.parametrize(
+    ("look", "has_attention", "says"),
+    [(None, True, "Choose a pixel"), (LOOK, False, "No attention for this window yet")],
+)
+def test_missing_attention_explains_itself(ready, look, has_attention, says):
+    attention = ready.attention if has_attention else None
+    other = Ready(ready.wish, ready.frame, attention, 1.0, True, False, False, ready.contract, 4)
+    assert says in Checker(present.attention_html(other, look)).text
+
+
+def test_the_attention_image_is_the_networks_own_row(ready):
+    name = ready.attention.sites[0]
+    image = present.attention_image(ready, LOOK, name)
+    assert image.shape == (37, 50, 3)
+    assert present.attention_image(ready, LOOK, "scale9.encoder.0.self") is None
+
+
+def test_attention_that_tells_little_says_so(ready, monkeypatch):
+    says = present.attention_html(ready, LOOK)
+    assert "tells little" in says  # a fresh network reads all places alike
+    present.PICTURES._values.clear()
+    monkeypatch.setattr(present.attention, "_ALIKE", 0.5)
+    assert "tells little" not in present.attention_html(ready, LOOK)
+
+
+def test_one_head_and_the_mean_differ_in_their_pictures(ready):
+    name = ready.attention.sites[0]
+    first = present.AttentionLook((20, 30), head=0)
+    rows = ready.attention.rows(name, [ready.attention.grid.token_at(20, 30)])[:, 0].numpy()
+    assert not np.allclose(rows[0], rows.mean(0))
+    html = [present.attention_html(ready, look, opened=name) for look in (LOOK, first)]
+    assert "mean of all heads" in html[0]
+    assert "head 1</span>" in html[1]
+
+
+def test_the_timeline_runs_over_windows_as_the_slider_does(moment):
+    cached = type("Cached", (), {"frames": (range(2, 4),), "states": (range(6),)})()
+    page = Checker(present.timeline_html(moment, cached, on_pick=PICK))
+    assert page.keys == ["time"]
+    boxes = [attrs for tag, attrs in page.tags if tag == "rect"]
+    unit = 1000 / 11
+    assert [(float(b["x"]), float(b["width"])) for b in boxes] == [
+        pytest.approx((-0.5 * unit, 6 * unit), abs=0.1),
+        pytest.approx((1.5 * unit, 2 * unit), abs=0.1),
+    ]
+    assert any(f"left:{4 / 11:.3%}" in attrs.get("style", "") for _, attrs in page.tags)
+
+
+def test_the_moment_is_told_in_numbers(moment):
+    page = Checker(present.now_html(moment))
+    assert "window 4 of 12" in page.text
+    assert "50 events" in page.text
+    assert f"{moment.seconds[1]:.3f} s" in page.text
+    Checker(present.timeline_key_html(moment))
+
+
+def test_provenance_names_everything(moment, ready):
+    facts = present.ModelFacts("etnet-half, first weights", (0.1, 1.0))
+    page = Checker(present.provenance_html(moment, facts, ready, 210.0))
+    for said in ("50×37 px", "every 50 events", "etnet-half, first weights", "fp32, cpu", "210 ms", "warm", "exact"):
+        assert said in page.text
+    assert "fewer than trained on" in page.text  # 50 events on 1850 pixels
+
+
+def test_the_cloud_is_thinned_evenly_and_newest_events_have_age_zero(moment):
+    whole, thin = present.event_cloud(moment, 1000), present.event_cloud(moment, 10)
+    assert len(whole.positions) == 50
+    assert not whole.is_thinned
+    assert len(thin.positions) == len(thin.colours) == 10
+    assert thin.is_thinned
+    assert whole.positions[-1, 2] == 0
+    assert (np.diff(whole.positions[:, 2]) <= 0).all()
+    assert whole.positions[:, 2].max() <= 1
+
+
+def test_pictures_are_made_once_for_all_visitors(moment, ready, monkeypatch):
+    first = present.event_image_html(moment, "polarity", on_pick=PICK)
+    again = present.Moment("r", POLICY, 4, moment.recording, moment.windows)
+    monkeypatch.setattr(present.pictures, "event_image", None)
+    assert present.event_image_html(again, "polarity", on_pick=PICK) is first
+
+
+def test_another_moment_is_another_picture(moment):
+    other = present.Moment("r", POLICY, 5, moment.recording, moment.windows)
+    assert present.event_image_html(moment, "polarity") != present.event_image_html(other, "polarity")
+
+
+def test_the_store_never_grows_past_its_budget():
+    store = Shared(10_000)
+    for i in range(100):
+        assert store.text(i, lambda i=i: str(i) * 500).startswith(str(i))
+    assert store.nbytes <= 10_000
+    assert 0 < len(store) < 100
+    assert store.text("large", lambda: "x" * 20_000) == "x" * 20_000
+    assert store.nbytes <= 10_000
+
+
+def test_looks_follow_the_view_state():
+    state = ViewState(query=(3, 4), head=2, overlay=0.5, map_range="per map", tone="robust")
+    look = present.AttentionLook.of(state, False)
+    assert (look.query, look.head, look.opacity, look.map_range) == ((3, 4), 2, 0.5, "per map")
+    assert look.tones == present.Tones("robust", False)
+    assert present.AttentionLook.of(ViewState(), True) is None
+
+
+def luminance(colour):
+    value = colour.lstrip("#")
+    channels = [int(value[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("ground", [style.SURFACE, style.INSET])
+@pytest.mark.parametrize("colour", [style.TEXT, style.SOFT, style.EXACT, style.WARNING, style.PROBLEM])
+def test_text_has_a_contrast_of_seven_to_one(colour, ground):
+    light, dark = sorted((luminance(colour), luminance(ground)), reverse=True)
+    assert (light + 0.05) / (dark + 0.05) >= 7
+
+
+def test_the_style_sheet_knows_three_sizes_of_type():
+    assert style.SIZES == (13, 15, 20)
+    literal = re.findall(r"font-size:(\d+)px", present.STYLE)
+    assert literal == []
+    assert present.STYLE.count("{") == present.STYLE.count("}")
+    assert present.STYLE.startswith("<style>")
+
+
+def test_pick_attributes_are_there_only_when_asked():
+    assert "data-k" not in picture("u", "a", key="k")
+    assert 'data-k="k" data-pick="1"' in picture("u", "a", key="k", on_pick=PICK)
+    assert "&lt;b&gt;" in empty("<b>", "x")
+
+
+def test_sites_are_read_from_their_names():
+    assert Site.of("scale2.decoder.0.cross") == (2, "decoder", 0, "cross")
+    assert present.site_words("scale3.decoder.1.cross", ("scale1.encoder.0.self", "scale3.encoder.0.self")) == (
+        "1/8 · decoder 2, cross-attention: 1/8 reads 1/8"
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (words.policy(BetweenFrames()), "from camera frame to camera frame"),
+        (words.policy(ByCount(10_000)), "every 10,000 events"),
+        (words.policy(ByDensity(0.35)), "every 0.35 events per pixel"),
+        (words.policy(ByDuration(20_000)), "every 20 ms"),
+        (words.policy(ByDuration(20_000, 5_000)), "every 20 ms, one each 5.0 ms"),
+        (words.seconds(0.62), "0.620 s"),
+        (words.seconds(62.5, 1), "1 min 02.5 s"),
+        (words.milliseconds(2310), "2.31 s"),
+        (words.rate(640_000), "640 k events/s"),
+        (words.short(0.0352), "0.0352"),
+        (words.short(12_300), "12,300"),
+        (words.fraction(0.25), "1/4"),
+    ],
+)
+def test_numbers_are_said_in_plain_words(made, said):
+    assert made == said

@@ -1,0 +1,50 @@
+"""Where things stand: a click on the plane finds the pixel it was meant for, and a preset shows all of the scene."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.scene.space import Space, box_corners, camera_place
+from etnet.events.events import Sensor
+
+SENSORS = st.builds(Sensor, st.integers(1, 1280), st.integers(1, 720))
+
+
+@given(SENSORS, st.data(), st.floats(-3, 3), st.floats(-3, 3), st.floats(0.5, 50))
+def test_a_ray_through_a_pixels_middle_hits_that_pixel(sensor, data, x, y, distance):
+    space = Space(sensor)
+    pixel = data.draw(st.tuples(st.integers(0, sensor.width - 1), st.integers(0, sensor.height - 1)))
+    middle = space.place(np.array([[pixel[0] + 0.5, pixel[1] + 0.5, 0.0]], np.float32))[0].astype(float)
+    eye = np.array([x, y, -distance])
+    assert space.pixel_hit(eye, middle - eye) == pixel
+
+
+def test_a_ray_that_misses_the_plane_hits_nothing():
+    space = Space(Sensor(240, 180))
+    ahead = np.array([0.0, 0.0, 1.0])
+    assert space.pixel_hit(np.array([0.0, 0.0, 1.0]), ahead) is None
+    assert space.pixel_hit(np.array([9.0, 0.0, -1.0]), ahead) is None
+    assert space.pixel_hit(np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])) is None
+
+
+@pytest.mark.parametrize("camera", ["orbit", "front", "side"])
+@given(sensor=SENSORS.filter(lambda s: 0.2 < s.width / s.height < 5), aspect=st.floats(0.3, 4))
+def test_every_corner_lies_inside_the_picture_on_any_canvas(camera, sensor, aspect):
+    space = Space(sensor)
+    place = camera_place(space, camera, aspect)
+    eye, at = np.array(place.position), np.array(place.look_at)
+    forward = (at - eye) / np.linalg.norm(at - eye)
+    right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    corners = box_corners(space)
+    if camera == "front":
+        corners = corners[corners[:, 2] == 0]  # the past lies behind the picture
+    offsets = corners - eye
+    depth = offsets @ forward
+    half = np.tan(place.fov / 2)
+    assert (depth > place.near).all()
+    assert (depth < place.far).all()
+    assert (np.abs(offsets @ down) / depth <= half).all()
+    assert (np.abs(offsets @ right) / depth <= half * aspect).all()

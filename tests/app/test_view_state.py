@@ -1,0 +1,147 @@
+"""Whatever is asked, in whatever order, a view stays inside its recording."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app import intents as ask
+from app.memory import from_text, to_text
+from app.view_state import Limits, ViewState, reduce
+from etnet.events.events import Sensor
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
+
+ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
+ANY_INT = st.integers(-(10**12), 10**12)
+POLICIES = st.one_of(
+    st.just(BetweenFrames()),
+    st.builds(ByCount, st.integers(1, 10**6)),
+    st.builds(ByDuration, st.integers(1, 10**7), st.none() | st.integers(1, 10**7)),
+    st.builds(ByDensity, st.floats(1e-3, 1e3)),
+)
+INTENTS = st.one_of(
+    st.builds(ask.OpenRecording, st.text(max_size=20)),
+    st.builds(ask.ChooseModel, st.text(max_size=20)),
+    st.builds(ask.ChoosePrecision, st.sampled_from(["auto", "fp32", "bf16"])),
+    st.builds(ask.ChoosePolicy, POLICIES),
+    st.builds(ask.Settle, POLICIES),
+    st.builds(ask.Seek, ANY_INT),
+    st.builds(ask.SeekTime, ANY_FLOAT),
+    st.builds(ask.Move, ANY_INT),
+    st.builds(ask.TogglePlay),
+    st.builds(ask.PlayTo, ANY_INT),
+    st.builds(ask.ChooseSpeed, ANY_FLOAT, st.booleans()),
+    st.builds(ask.SetLoop, st.booleans()),
+    st.builds(ask.ShowWorkspace, st.sampled_from(["inspect", "attention", "demo"])),
+    st.builds(ask.Query, ANY_INT, ANY_INT),
+    st.builds(ask.QueryFraction, ANY_FLOAT, ANY_FLOAT),
+    st.builds(ask.OpenSite, st.text(max_size=30) | st.just("scale2.decoder.0.cross")),
+    st.builds(ask.CloseSite),
+    st.builds(ask.ChooseHead, st.none() | ANY_INT),
+    st.builds(ask.ChooseEventImage, st.sampled_from(["polarity", "count", "time surface", "decay"])),
+    st.builds(ask.ChooseTone, st.sampled_from(["auto", "raw", "robust", "gamma"])),
+    st.builds(ask.SetOverlay, ANY_FLOAT),
+    st.builds(ask.ChooseMapRange, st.sampled_from(["shared", "per map"])),
+    st.builds(ask.ChooseCamera, st.sampled_from(["orbit", "front", "side"])),
+    st.builds(ask.ShowEvents, st.booleans()),
+    st.builds(ask.OpenBin, st.none() | ANY_INT),
+)
+
+
+def limits(num_windows: int = 40, step: int = 1000) -> Limits:
+    windows = [Window(i, i * 10, (i + 1) * 10, 5000 + i * step, 5000 + (i + 1) * step) for i in range(num_windows)]
+    return Limits(Sensor(64, 48), windows, 5000)
+
+
+@given(st.lists(INTENTS, max_size=30), st.integers(1, 50))
+def test_no_order_of_intents_leads_out_of_the_recording(asked, num_windows):
+    state, bounds = ViewState(), limits(num_windows)
+    for intent in asked:
+        state = reduce(state, intent, bounds)
+        assert 0 <= state.index < num_windows
+        assert state.query is None or (0 <= state.query[0] < 64 and 0 <= state.query[1] < 48)
+        assert 0 <= state.overlay <= 1
+        assert np.isfinite(state.speed)
+        assert state.speed > 0
+
+
+@given(st.lists(INTENTS, max_size=20))
+def test_a_view_survives_storage_except_that_it_does_not_play_by_itself(asked):
+    state, bounds = ViewState(), limits()
+    for intent in asked:
+        state = reduce(state, intent, bounds)
+    restored, refused = from_text(to_text(state), ViewState())
+    assert refused == ()
+    assert not restored.is_playing
+    assert to_text(restored) == to_text(state)
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | ANY_FLOAT | st.text(), lambda c: st.dictionaries(st.text(), c), max_leaves=8
+    )
+)
+def test_a_stored_view_of_any_shape_is_refused_kindly(stored):
+    import json
+
+    default = ViewState(recording_id="mine")
+    values = [json.dumps(stored), json.dumps({"index": stored, "policy": stored, "query": [stored], "site": stored})]
+    for text in values:
+        state, _ = from_text(text, default)
+        assert isinstance(state.index, int)
+        assert state.index >= 0
+
+
+def test_what_is_not_json_gives_the_default():
+    assert from_text("{", ViewState(index=3)) == (ViewState(index=3), ("the whole stored view",))
+    assert from_text("[1]", ViewState(index=3))[0] == ViewState(index=3)
+
+
+def test_unknown_and_unsound_values_are_named_and_the_others_kept():
+    text = '{"index": 7, "tone": "sepia", "speed": -1, "colour": 3, "policy": {"kind": "ByCount", "num_events": 0}}'
+    state, refused = from_text(text, ViewState())
+    assert state == ViewState(index=7)
+    assert set(refused) == {"tone", "speed", "colour", "policy"}
+
+
+def test_new_windows_keep_the_moment_in_time():
+    coarse, fine = limits(40, 1000), limits(80, 500)
+    state = reduce(ViewState(policy=ByCount(10)), ask.Seek(17), coarse)
+    state = reduce(state, ask.ChoosePolicy(ByDuration(500)), coarse)
+    state = reduce(state, ask.Settle(ByDuration(500)), fine)
+    assert fine.windows[state.index].t_stop == coarse.windows[17].t_stop
+
+
+def test_a_recording_never_looked_at_opens_where_the_network_is_warm():
+    assert reduce(ViewState(), ask.Settle(ByCount(10)), limits(400)).index == 20
+    assert reduce(ViewState(), ask.Settle(ByCount(10)), limits(9)).index == 4
+    assert reduce(ViewState(policy=ByCount(10)), ask.Settle(ByCount(10)), limits(400)).index == 0
+
+
+def test_typed_time_finds_the_window_it_was_read_from():
+    bounds = limits()
+    for index, window in enumerate(bounds.windows):
+        seconds = round((window.t_stop - bounds.start) / 1e6, 3)
+        assert reduce(ViewState(), ask.SeekTime(seconds), bounds).index == index
+
+
+def test_an_index_is_left_alone_while_the_recording_is_not_open():
+    assert reduce(ViewState(index=31), ask.SetLoop(False), Limits()).index == 31
+
+
+def test_playing_past_the_end_loops_or_stops():
+    playing = ViewState(index=39, is_playing=True)
+    assert reduce(playing, ask.PlayTo(40), limits()) == ViewState(index=0, is_playing=True)
+    once = ViewState(index=39, is_playing=True, loops=False)
+    assert reduce(once, ask.PlayTo(40), limits()) == ViewState(index=39, is_playing=False, loops=False)
+
+
+def test_every_seek_of_a_visitor_stops_playing_and_a_late_tick_does_not_move_him():
+    playing = ViewState(index=3, is_playing=True)
+    for intent in (ask.Seek(9), ask.Move(1), ask.SeekTime(0.01)):
+        stopped = reduce(playing, intent, limits())
+        assert not stopped.is_playing
+        assert reduce(stopped, ask.PlayTo(30), limits()) == stopped
+
+
+def test_play_at_the_end_starts_over():
+    assert reduce(ViewState(index=39), ask.TogglePlay(), limits()) == ViewState(index=0, is_playing=True)

@@ -1,0 +1,83 @@
+"""`etnet evaluate` goes on where it stopped, names what it could not do, and shares its work out."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from etnet.cli.main import main
+from etnet.nets.presets import build_model
+from etnet.nets.weights import save_weights
+from tests.evaluation.recordings import made_up, write_event_utils
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    save_weights(build_model("tiny"), tmp_path / "mine.safetensors")
+    write_event_utils(made_up(num_frames=5), tmp_path / "one.h5")
+    write_event_utils(made_up(num_frames=6), tmp_path / "two.h5")
+    return tmp_path
+
+
+def evaluate(folder: Path, *items: str) -> int:
+    paths = [str(folder / item) for item in items]
+    return main(["evaluate", *paths, "--out", str(folder / "out"), "--judge", "alex", "--flow", "file"])
+
+
+def report(folder: Path) -> dict:
+    return json.loads((folder / "out" / "report.json").read_text())
+
+
+def no_evaluation(*_: object, **__: object) -> None:
+    raise AssertionError("scored once more")
+
+
+def test_it_scores_every_pair_and_a_second_call_reads_what_is_there(folder: Path, monkeypatch, capsys) -> None:
+    assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 0
+    first = report(folder)
+    assert [(entry["model"], len(entry["stamps"])) for entry in first["scores"]] == [("mine", 4), ("mine", 5)]
+    assert "[2/2]" in capsys.readouterr().err
+    assert (folder / "out" / "report.md").read_text().startswith("# Scores, protocol `paper`")
+    assert (folder / "out" / "report.svg").read_text().startswith("<svg")
+    monkeypatch.setattr("etnet.evaluation.evaluate.evaluate", no_evaluation)
+    assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 0
+    assert report(folder) == first
+
+
+def test_other_weights_under_the_same_name_are_scored_anew(folder: Path) -> None:
+    assert evaluate(folder, "mine.safetensors", "one.h5") == 0
+    first = report(folder)["scores"][0]["rows"]["as it is"]["mse"]
+    save_weights(build_model("tiny", torch.Generator().manual_seed(5)), folder / "mine.safetensors")
+    assert evaluate(folder, "mine.safetensors", "one.h5") == 0
+    assert report(folder)["scores"][0]["rows"]["as it is"]["mse"] != first
+
+
+def test_a_recording_that_cannot_be_scored_is_a_failure_with_a_name_and_the_rest_is_done(folder: Path, capsys) -> None:
+    (folder / "broken.h5").write_bytes(b"nothing")
+    assert evaluate(folder, "mine.safetensors", "broken.h5", "one.h5") == 1
+    written = report(folder)
+    assert [failure[:2] for failure in written["failures"]] == [[str(folder / "mine.safetensors"), "broken.h5"]]
+    assert len(written["scores"]) == 1
+    assert "broken.h5" in capsys.readouterr().err
+    write_event_utils(made_up(num_frames=4), folder / "broken.h5")
+    assert evaluate(folder, "mine.safetensors", "broken.h5", "one.h5") == 0
+    assert report(folder)["failures"] == []
+
+
+def test_two_processes_share_the_pairs_and_the_last_writes_the_report(folder: Path, monkeypatch) -> None:
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    monkeypatch.setenv("RANK", "1")
+    assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 0
+    assert len(list((folder / "out" / "scores").glob("*.json"))) == 1
+    assert not (folder / "out" / "report.json").exists()
+    monkeypatch.setenv("RANK", "0")
+    assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 0
+    assert len(report(folder)["scores"]) == 2
+
+
+@pytest.mark.parametrize("items", [("one.h5",), ("mine.safetensors",), ("mine.safetensors", "absent.h5")])
+def test_a_call_that_lacks_a_model_or_a_recording_says_so(folder: Path, items, capsys) -> None:
+    assert evaluate(folder, *items) == 1
+    message = capsys.readouterr().err
+    assert "no model" in message or "no recording" in message or "absent.h5" in message
