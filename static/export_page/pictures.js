@@ -64,7 +64,7 @@ const bins = Array.from({ length: facts.voxels.bins }, (_, i) => {
   canvas.setAttribute('role', 'img');
   canvas.setAttribute('aria-label', `Voxel bin ${i + 1} of ${facts.voxels.bins}`);
   const last = facts.voxels.bins - 1;
-  tile.append(canvas, element('span', '', last ? `${Math.round(100 * i / last)} % of the time` : ''));
+  tile.append(canvas, element('span', '', last ? `${Math.round(100 * i / last)} %` : ''));
   document.getElementById('bins').append(tile);
   return canvas;
 });

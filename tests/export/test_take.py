@@ -27,7 +27,7 @@ def test_progress_counts_up_to_all_and_a_cancel_stops_before_the_next_window():
     list(made_up_take().moments(progress=lambda done, total: told.append((done, total))))
     assert told == [(i + 1, NUM_WINDOWS) for i in range(NUM_WINDOWS)]
     moments = made_up_take().moments(is_cancelled=iter([False] * 4 + [True]).__next__)
-    with pytest.raises(Cancelled, match="stopped|nobody"):
+    with pytest.raises(Cancelled, match=r"stopped|nobody"):
         list(moments)
 
 
