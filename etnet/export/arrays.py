@@ -74,9 +74,9 @@ def write_arrays(
     }
     with _opened(path, len(take), facts) as append:
         for moment in take.moments(choice.probe, progress, is_cancelled):
-            append("window", np.int64(moment.window.index))
-            append("t_start", np.int64(moment.window.t_start))
-            append("t_stop", np.int64(moment.window.t_stop))
+            append("window", np.array(moment.window.index, np.int64))
+            append("t_start", np.array(moment.window.t_start, np.int64))
+            append("t_stop", np.array(moment.window.t_stop, np.int64))
             for name, row in _rows(take, moment, choice):
                 append(name, row)
     return len(take)
@@ -96,7 +96,7 @@ def _rows(take: Take, moment: Moment, choice: ArraysChoice) -> Generator[tuple[s
             yield f"state/{i}", _numpy(tensor[0])
     if "attention" in choice.names:
         attention = moment.step.attention
-        if attention is None or not attention.sites:
+        if attention is None or not (choice.sites or attention.sites):
             raise ModelError(f"{take.playback.model.name}: has no attention to export; leave attention out")
         tokens = query_tokens(attention.grid, choice.queries)
         for site in choice.sites or attention.sites:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
-
 from etnet.export.images import write_atomically, write_png
 from etnet.export.pictures import Look, draw
 from etnet.export.take import IsCancelled, Progress, Take
@@ -26,8 +24,6 @@ def write_frames(
     stamps = ["frame,stamp_us,start_us,num_events"]
     for moment in take.moments(progress=progress, is_cancelled=is_cancelled):
         picture = draw(moment, look, len(take.playback))
-        if picture.ndim == 3:
-            picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
         window = moment.window
         write_png(folder / f"frame_{window.index:06d}.png", picture)
         stamps.append(f"{window.index},{window.t_stop},{window.t_start},{window.num_events}")

@@ -32,8 +32,10 @@ ATTENTION_SHARE = 0.5
 """Of what pictures and voxels leave, at most so much goes to attention; events get the rest."""
 VOXEL_STEPS = 15
 """Levels on either side of zero in the voxel pictures: as many as the eye tells apart, and small files."""
+VOXEL_WIDTH = 160
+"""Pixels: a bin's picture is at most so wide; on a screen five of them share a panel."""
 VOXEL_BYTES = 0.16
-"""Bytes that one pixel of a voxel picture takes, measured on slider_depth: decides their size."""
+"""Bytes that one pixel of a voxel picture takes, measured on slider_depth: decides their size in a tight budget."""
 PICTURE_QUALITY = 82
 _ENCODED = 4 / 3
 """Base64."""
@@ -216,9 +218,11 @@ def policy_words(policy: Policy) -> str:
 
 
 def _voxel_factor(take: Take, bytes_per_window: float) -> int:
-    """By how much voxel pictures shrink so that they take at most a third of what a window may take."""
-    pixels = take.playback.model.bins * take.recording.sensor.num_pixels
-    return max(1, math.ceil(math.sqrt(pixels * VOXEL_BYTES / (bytes_per_window / 3))))
+    """By how much voxel pictures shrink, so that they take at most a third of what a window may take."""
+    sensor = take.recording.sensor
+    pixels = take.playback.model.bins * sensor.num_pixels
+    for_budget = math.sqrt(pixels * VOXEL_BYTES / (bytes_per_window / 3))
+    return math.ceil(max(1.0, for_budget, sensor.width / VOXEL_WIDTH))
 
 
 def _voxel_picture(take: Take, moment: Moment, factor: int) -> tuple[bytes, float]:

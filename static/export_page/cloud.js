@@ -2,7 +2,7 @@
 
 const AGES = 64;
 const TRAIL = 220e3; // µs of events behind the picture
-const ATTITUDES = { angle: [-0.62, 0.36], side: [-1.18, 0.12], front: [0, 0] };
+const ATTITUDES = { angle: [-0.6, 0.3], side: [-1.18, 0.12], front: [0, 0] };
 
 const cloud = (() => {
   const canvas = document.getElementById('cloud');
@@ -31,7 +31,7 @@ const cloud = (() => {
 
   /** Screen = centre + x·a + y·b + age·c, with the age 0 … 1 running away from the viewer; fitted to the canvas. */
   function projection() {
-    const depth = sensorWidth * 1.9;
+    const depth = sensorWidth * 2.6;
     const [cy, sy, cp, sp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
     const turned = (x, y, z) => [x * cy - z * sy, y * cp - (x * sy + z * cy) * sp];
     const a = turned(1, 0, 0), b = turned(0, 1, 0), c = turned(0, 0, depth);

@@ -37,8 +37,9 @@ function eventsOf(i) {
 }
 eventsOf.held = new Map();
 
-const MOST_IMAGES = 400;
+const MOST_PIXELS = 32e6;
 const images = new Map();
+let heldPixels = 0;
 
 /** The decoded image `i` of a stream, as a promise; those asked for longest ago are given back. */
 function image(name, i) {
@@ -47,21 +48,25 @@ function image(name, i) {
   if (held) {
     images.delete(key);
     images.set(key, held);
-    return held;
+    return held.decoded;
   }
-  const decoded = createImageBitmap(new Blob([part(name, i)], { type: 'image/webp' }));
-  images.set(key, decoded);
-  if (images.size > MOST_IMAGES) {
-    const [oldest, promise] = images.entries().next().value;
-    images.delete(oldest);
-    promise.then((bitmap) => bitmap.close());
-  }
-  return decoded;
+  const made = { pixels: 0, decoded: createImageBitmap(new Blob([part(name, i)], { type: 'image/webp' })) };
+  images.set(key, made);
+  made.decoded.then((bitmap) => {
+    made.pixels = bitmap.width * bitmap.height;
+    heldPixels += made.pixels;
+    for (const [oldest, old] of images) {
+      if (heldPixels <= MOST_PIXELS || old === made) break;
+      images.delete(oldest); // not closed: a picture that is being drawn may still hold it
+      heldPixels -= old.pixels;
+    }
+  }, () => images.delete(key));
+  return made.decoded;
 }
 
-const rgb = (colour) => `rgb(${colour.join(',')})`;
 const seconds = (microseconds, digits = 3) => `${(microseconds / 1e6).toFixed(digits)} s`;
-const counted = (number) => number.toLocaleString('en');
+const numbers = new Intl.NumberFormat('en');
+const counted = (number) => numbers.format(number);
 
 /** A canvas' size on the page in CSS pixels, measured once and again whenever it changes: measuring costs a layout. */
 function sizeOf(canvas) {

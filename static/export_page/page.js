@@ -1,8 +1,8 @@
 // What is shown and what a visitor does: one state, one function that draws it, events that change it.
 
 const state = { index: Math.floor((numMoments - 1) * 0.4), query: 0, isPlaying: false, speed: 0.25 };
-const [seek, play, clock, count, attentionNote, voxelsNote] =
-  ['seek', 'play', 'clock', 'count', 'attention-note', 'voxels-note'].map((id) => document.getElementById(id));
+const [seek, play, clock, count, attentionNote, voxelsNote, voxelStart, voxelEnd] =
+  ['seek', 'play', 'clock', 'count', 'attention-note', 'voxels-note', 'voxel-start', 'voxel-end'].map((id) => document.getElementById(id));
 const screens = [...lanes, ...(camera ? [camera] : []), ...maps];
 let lastFrame = null, wanted = 0;
 
@@ -10,7 +10,7 @@ seek.max = numMoments - 1;
 if (attention) state.query = nearestQuery(sensorWidth * 0.58, sensorHeight * 0.45);
 document.getElementById('facts').textContent = [
   `${sensorWidth} × ${sensorHeight} pixels`, `${counted(facts.counts.reduce((sum, n) => sum + n, 0))} events`,
-  `${numMoments} images`, facts.policy, facts.format,
+  `${numMoments} images`, facts.policy, facts.format, `network ${facts.lanes.join(', ')}`,
 ].join(' · ');
 
 /** Draw the state. Images that are still being decoded are waited for; a newer wish overtakes an older one. */
@@ -39,7 +39,9 @@ async function show() {
     say(attentionNote, at === index ? `pixel ${cross.join(', ')}` : `pixel ${cross.join(', ')}, as of image ${at + 1}`);
     screens.forEach((each) => moveCross(each, cross));
   }
-  say(voxelsNote, `${counted(facts.counts[index])} events in ${((facts.stops[index] - facts.starts[index]) / 1000).toFixed(1)} ms; strongest colour: ${facts.voxels.limits[index].toFixed(1)}`);
+  say(voxelsNote, `${counted(facts.counts[index])} events in ${((facts.stops[index] - facts.starts[index]) / 1000).toFixed(1)} ms`);
+  say(voxelEnd, `${facts.voxels.limits[index].toFixed(1)} brighter`);
+  say(voxelStart, `${facts.voxels.limits[index].toFixed(1)} darker`);
   cloud.draw(index, lastFrame);
   document.documentElement.dataset.shown = index;
   document.documentElement.dataset.query = query;

@@ -37,12 +37,12 @@ const lanes = facts.lanes.map((name, i) => {
   const figure = element('figure', 'lane');
   const caption = element('figcaption');
   const made = screen(`Reconstruction by ${name}`);
-  caption.append(element('b', '', 'Image the network makes of them'), element('span', '', name));
+  caption.append(element('b', '', 'Image the network makes of them'));
+  if (facts.lanes.length > 1) caption.append(element('span', '', name));
   figure.append(caption, made.frame);
   document.getElementById('lanes').append(figure);
   return { stream: `lane${i}`, ...made };
 });
-document.getElementById('images').style.setProperty('--num-lanes', lanes.length);
 
 const camera = facts.hasCamera
   ? { stream: 'camera', ...screen('Frame of an ordinary camera', document.getElementById('camera')) } : null;
@@ -64,11 +64,12 @@ const bins = Array.from({ length: facts.voxels.bins }, (_, i) => {
   canvas.setAttribute('role', 'img');
   canvas.setAttribute('aria-label', `Voxel bin ${i + 1} of ${facts.voxels.bins}`);
   const last = facts.voxels.bins - 1;
-  tile.append(canvas, element('span', '', last ? `${Math.round(100 * i / last)} %` : ''));
+  tile.append(canvas, element('span', '', last ? `${Math.round(100 * i / last)} % of the time` : ''));
   document.getElementById('bins').append(tile);
   return canvas;
 });
 document.getElementById('bins').style.setProperty('--num-bins', bins.length);
+document.getElementById('voxel-scale').style.background = `linear-gradient(90deg, ${facts.colours.voxels.join(',')})`;
 
 function drawBins(bitmap) {
   const width = bitmap.width / bins.length;
@@ -82,7 +83,7 @@ const attention = facts.attention;
 const maps = attention ? attention.sites.map((site) => {
   const tile = element('div', 'tile');
   const own = RESOLUTION[site.scale], read = RESOLUTION[Math.min(site.scale + 1, 3)];
-  const words = site.isCross && own !== read ? `${own} reads ${read}` : site.isCross ? `${own}, again` : `${own} reads itself`;
+  const words = site.isCross ? `${own} reads ${read}` : `within ${own}`;
   const reads = element('span');
   const made = screen(`Attention, ${words}`);
   tile.append(element('b', '', words), made.frame, reads);
