@@ -12,6 +12,7 @@ from etnet.errors import RecordingError
 from etnet.events import cache
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events
+from tests.real_data import real_file
 from tests.strategies import make_events
 
 
@@ -190,4 +191,13 @@ def test_a_disk_that_is_too_small_is_said_before_it_is_full(tmp_path, monkeypatc
     path = tmp_path / "a.txt"
     path.write_text("".join(f"0.{i:06d} 1 2 1\n" for i in range(100)))
     with pytest.raises(RecordingError, match="TMPDIR"):
+        open_recording(path)
+
+
+@pytest.mark.real
+def test_an_aedat4_description_that_is_no_text_is_refused_before_the_library_ends_the_process(tmp_path):
+    content = real_file("aedat4/test_data_gray16.aedat4").read_bytes()
+    path = tmp_path / "a.aedat4"
+    path.write_bytes(content.replace(b"</node>", b"</\xe65de>", 1))
+    with pytest.raises(RecordingError, match="header cannot be read"):
         open_recording(path)

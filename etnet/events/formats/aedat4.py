@@ -12,6 +12,7 @@ from jaxtyping import Float32
 from etnet.errors import RecordingError
 from etnet.events.cache import FrameCache, grey
 from etnet.events.events import Sensor
+from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.collect import collect
 from etnet.events.formats.packets import Packets
@@ -35,6 +36,7 @@ class _Others:
 
 def _open(request: Request) -> Opened:
     remarks = Remarks()
+    check_header(request.path)
     with contained(request.name, "AEDAT4"):
         decoder = aedat.Decoder(request.path)
         streams: dict[int, dict[str, Any]] = decoder.id_to_stream()
