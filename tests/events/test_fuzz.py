@@ -68,7 +68,13 @@ def seed_file(name: str, folder):
 def test_damage_to_made_files_is_refused_or_read(name, tmp_path):
     seed = seed_file(name, tmp_path)
     (tmp_path / "damaged").mkdir()
-    assert sum(fuzz(seed, tmp_path / "damaged", ROUNDS, np.random.default_rng(0)).values()) == ROUNDS
+    rounds = rounds_of(name, ROUNDS)
+    assert sum(fuzz(seed, tmp_path / "damaged", rounds, np.random.default_rng(0)).values()) == rounds
+
+
+def rounds_of(name: str, rounds: int) -> int:
+    """Fewer for v5 MATLAB files, each of which costs a process."""
+    return max(4, rounds // 20) if name == "v5.mat" else rounds
 
 
 @pytest.mark.real
@@ -85,6 +91,7 @@ def test_much_damage_is_refused_or_read(name, tmp_path):
     (tmp_path / "damaged").mkdir()
     entropy = np.random.SeedSequence().entropy
     print(f"the damage comes from default_rng({entropy})")
-    counts = fuzz(seed, tmp_path / "damaged", SLOW_ROUNDS, np.random.default_rng(entropy))
+    rounds = rounds_of(name, SLOW_ROUNDS)
+    counts = fuzz(seed, tmp_path / "damaged", rounds, np.random.default_rng(entropy))
     shutil.rmtree(tmp_path / "damaged", ignore_errors=True)
-    assert sum(counts.values()) == SLOW_ROUNDS
+    assert sum(counts.values()) == rounds

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-import scipy.io
 
 from etnet.errors import RecordingError
+from etnet.events.formats import matlab_child
 from etnet.events.formats.arrays import Columns, named_columns, open_columns
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.hdf5 import dataset, open_file
@@ -16,14 +21,38 @@ from etnet.events.formats.hdf5 import dataset, open_file
 LARGEST_V5 = 4 << 30
 """Bytes of a v5 file: the format itself ends there."""
 
+LONGEST_V5 = 120
+"""Seconds that reading one may take."""
+
 
 def _open_v5(request: Request) -> Opened:
     if request.path.stat().st_size > LARGEST_V5:
         raise RecordingError(f"{request.name}: larger than a v5 MATLAB file can be; it is damaged")
-    with contained(request.name, "the MATLAB file"):
-        content = scipy.io.loadmat(request.path, simplify_cells=True)
-    tree = {key: value for key, value in content.items() if not key.startswith("__")}
+    with tempfile.TemporaryDirectory() as folder:
+        copied = Path(folder) / "numbers.npz"
+        _copy_numbers(request, copied)
+        with contained(request.name, "the MATLAB file"), np.load(copied, allow_pickle=False) as arrays:
+            tree: dict[str, Any] = {}
+            for name in arrays.files:
+                struct, _, part = name.rpartition("/")
+                (tree.setdefault(struct, {}) if struct else tree)[part] = arrays[name]
     return _open_tree(request, "MATLAB v5", tree)
+
+
+def _copy_numbers(request: Request, target: Path) -> None:
+    """Let a process of its own read the file: on some damaged files scipy's reader crashes the interpreter."""
+    command = [sys.executable, "-m", matlab_child.__name__, str(request.path.resolve()), str(target)]
+    search = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    try:
+        child = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST_V5, env=search)
+    except subprocess.TimeoutExpired:
+        raise RecordingError(
+            f"{request.name}: reading took more than {LONGEST_V5} s; the file may be damaged"
+        ) from None
+    if child.returncode != 0 or not target.exists():
+        lines = child.stderr.strip().splitlines()
+        reason = lines[-1][:200] if lines and child.returncode == 1 else "it ended the reader"
+        raise RecordingError(f"{request.name}: cannot read the MATLAB file ({reason}); it may be truncated or damaged")
 
 
 def _open_v73(request: Request) -> Opened:
