@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from etnet.errors import Cancelled, EtnetError, ModelError, RecordingError, WeightsError, WindowError
+    from etnet.events.edit import EventEdit
     from etnet.events.events import Events, Sensor
     from etnet.events.open import open_recording
     from etnet.events.recording import GroundTruth, Recording
@@ -31,6 +32,7 @@ _HOMES = {
     "ByDuration": "etnet.windows",
     "Cancelled": "etnet.errors",
     "EtnetError": "etnet.errors",
+    "EventEdit": "etnet.events.edit",
     "Events": "etnet.events.events",
     "GroundTruth": "etnet.events.recording",
     "Intervention": "etnet.nets.intervention",
@@ -56,7 +58,7 @@ __all__ = [  # noqa: RUF022  in the order of the pipeline
     "open_recording", "Recording", "Events", "Sensor", "GroundTruth",
     "plan_windows", "Window", "BetweenFrames", "ByCount", "ByDuration", "ByDensity",
     "voxel_grid",
-    "load_model", "build_model", "State", "Step", "Attention", "AttentionProbe", "Intervention",
+    "load_model", "build_model", "State", "Step", "Attention", "AttentionProbe", "Intervention", "EventEdit",
     "reconstruct", "Playback",
     "EtnetError", "RecordingError", "WindowError", "ModelError", "WeightsError", "Cancelled",
 ]  # fmt: skip

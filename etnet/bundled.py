@@ -1,4 +1,4 @@
-"""Where the weights and samples lie that come with the project: inside the wheel, or in the checkout's `static/`."""
+"""Where weights, samples and the page's parts lie that come with the project: in the wheel, or in `static/`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def bundled_folder() -> Path:
-    """The folder that holds `models/` and `samples/`."""
+    """The folder that holds `models/`, `samples/` and `export_page/`."""
     installed = Path(__file__).resolve().parent / "static"
     return installed if installed.is_dir() else Path(__file__).resolve().parents[1] / "static"
 
@@ -19,3 +19,8 @@ def models() -> tuple[Path, ...]:
 def samples() -> tuple[Path, ...]:
     """Recordings that come with the project, by name."""
     return tuple(sorted((bundled_folder() / "samples").glob("*.h5")))
+
+
+def export_page_folder() -> Path:
+    """The parts of the one-file page: template, style sheet, scripts."""
+    return bundled_folder() / "export_page"

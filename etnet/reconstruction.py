@@ -8,16 +8,25 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from etnet.events.edit import UNEDITED, EventEdit
+from etnet.events.events import Events
 from etnet.events.recording import Recording
 from etnet.nets.base import Reconstructor, Step
 from etnet.voxel import normalise_nonzero, voxel_grid
 from etnet.windows import Policy, Window, plan_windows
 
 
-def window_voxel(model: Reconstructor, recording: Recording, window: Window) -> Float[Tensor, "bins h w"]:
+def window_voxel(
+    model: Reconstructor, recording: Recording, window: Window, edit: EventEdit = UNEDITED
+) -> Float[Tensor, "bins h w"]:
     """The exact tensor that `model` gets for one window: voted, and normalised if the model declares it."""
-    voxel = voxel_grid(recording.read(window.start, window.stop), model.bins)
+    voxel = voxel_grid(window_events(recording, window, edit), model.bins)
     return normalise_nonzero(voxel) if model.normalise_voxels else voxel
+
+
+def window_events(recording: Recording, window: Window, edit: EventEdit = UNEDITED) -> Events:
+    """The events of one window, after an edit."""
+    return edit.applied(recording.read(window.start, window.stop), window.start)
 
 
 def reconstruct(model: Reconstructor, recording: Recording, policy: Policy) -> Iterator[tuple[Window, Step]]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Float64, Int64
 
 from etnet.events.events import Events
 
@@ -52,6 +53,29 @@ def voxel_array(events: Events, bins: int = 5) -> Float32[np.ndarray, "bins h w"
         grid[lower] += np.bincount(pixel[start:stop], polarity, size) - upper
         grid[lower + 1] += upper
     return grid.astype(np.float32).reshape(bins, height, width)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BinVotes:
+    """How each event votes: p·(1 − share) into bin `lower`, p·share into `lower` + 1 (none where the share is 0)."""
+
+    lower: Int64[np.ndarray, " n"]
+    share: Float64[np.ndarray, " n"]
+
+    @property
+    def upper(self) -> Int64[np.ndarray, " n"]:
+        """The later bin; the same as `lower` where nothing is voted into it."""
+        return self.lower + (self.share > 0)
+
+
+def bin_votes(events: Events, bins: int = 5) -> BinVotes:
+    """The votes of a window's events, one by one (eq. 1): what `voxel_array` sums up, for windows that it votes on."""
+    span = int(events.t[-1] - events.t[0]) if len(events) else 0
+    if span == 0 or bins == 1:
+        return BinVotes(np.zeros(len(events), np.int64), np.zeros(len(events)))
+    place = (events.t - events.t[0]) * (bins - 1) / span
+    lower = np.floor(place).astype(np.int64)
+    return BinVotes(lower, place - lower)
 
 
 def voxel_grid(events: Events, bins: int = 5) -> Float[Tensor, "bins h w"]:

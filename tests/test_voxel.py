@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from etnet.events.events import Events, Sensor
-from etnet.voxel import normalise_nonzero, voxel_array, voxel_grid
+from etnet.voxel import MIN_EVENTS, bin_votes, normalise_nonzero, voxel_array, voxel_grid
 from tests.reference.voxel import voxel_by_equation
 from tests.strategies import events, make_events
 
@@ -74,3 +74,13 @@ def test_normalising_grids_with_nothing_to_scale_returns_them():
     ones = torch.zeros(5, 3, 4)
     ones[0, 0, 0] = 1
     assert torch.equal(normalise_nonzero(ones), ones)
+
+
+@given(events(), st.integers(1, 6))
+def test_single_votes_add_up_to_the_grid(window: Events, bins: int):
+    votes = bin_votes(window, bins)
+    grid = np.zeros((bins, window.sensor.height, window.sensor.width))
+    if len(window) >= MIN_EVENTS:
+        np.add.at(grid, (votes.lower, window.y, window.x), window.p * (1 - votes.share))
+        np.add.at(grid, (votes.upper, window.y, window.x), window.p * votes.share)
+    np.testing.assert_allclose(grid, voxel_array(window, bins), atol=1e-5)

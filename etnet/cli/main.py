@@ -16,10 +16,13 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "inspect": ("etnet.cli.inspect", "Inspect"),
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
+    "train": ("etnet.cli.train", "Train"),
     "evaluate": ("etnet.cli.evaluate", "Evaluate"),
     "sample": ("etnet.cli.sample", "Sample"),
+    "export": ("etnet.cli.export", "Export"),
+    "replay": ("etnet.cli.replay", "Replay"),
 }
-"""Command → the module that holds it, and its configuration's class."""
+"""Command → the module that holds it, and its configuration's class (a module with a `parse` of its own needs none)."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,8 +36,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     module_name, class_name = _COMMANDS[arguments[0]]
     module = import_module(module_name)
-    config: Any = tyro.cli(getattr(module, class_name), prog=f"etnet {arguments[0]}", args=arguments[1:])
-    return guarded(lambda: module.run(config), "etnet")
+
+    def parsed() -> Any:
+        program = f"etnet {arguments[0]}"
+        if hasattr(module, "parse"):
+            return module.parse(arguments[1:], program)
+        return tyro.cli(getattr(module, class_name), prog=program, args=arguments[1:])
+
+    return guarded(lambda: module.run(parsed()), "etnet")
 
 
 def guarded(command: Callable[[], int], program: str) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -62,31 +61,37 @@ class Scratch:
             self._remove()
 
 
-@dataclass
 class EventCache:
-    """Takes events in pieces and gives them back as four whole columns."""
+    """Takes events in pieces and gives them back as four whole columns.
 
-    scratch: Scratch
-    memory_cap: int = MEMORY_CAP
-    num_events: int = 0
-    _pieces: list[Columns] = field(default_factory=list)
-    _num_held: int = 0
-    _is_spilled: bool = False
+    The buffer is as large as the cap from the start: memory that is never touched costs nothing, and no event is copied
+    twice. When it is full, it goes to the scratch files and is filled anew.
+    """
 
-    def append(self, piece: Columns) -> None:
-        """Keep a piece. Its arrays must not be written to afterwards."""
-        self._pieces.append(piece)
-        self.num_events += len(piece.t)
-        self._num_held += len(piece.t)
-        if self._num_held * BYTES_PER_EVENT > self.memory_cap:
+    def __init__(self, scratch: Scratch) -> None:
+        self.scratch = scratch
+        self.num_events = 0
+        self._num_held = 0
+        self._is_spilled = False
+        self.capacity = max(1, MEMORY_CAP // BYTES_PER_EVENT)
+        self._buffer = Columns(*(np.empty(self.capacity, dtype) for _, dtype in _COLUMNS))
+
+    def room(self, num_events: int) -> Columns:
+        """Columns of so many events (at most `capacity`), to be filled and then kept."""
+        if self._num_held + num_events > self.capacity:
             self._spill()
+        span = slice(self._num_held, self._num_held + num_events)
+        return Columns(*(column[span] for column in self._buffer))
+
+    def keep(self, num_events: int) -> None:
+        """The first so many events of the room that was given last are there to stay."""
+        self._num_held += num_events
+        self.num_events += num_events
 
     def columns(self) -> Columns:
         """All events so far, in memory or as maps of the scratch files."""
         if not self._is_spilled:
-            whole = Columns(*(_joined([piece[i] for piece in self._pieces], _COLUMNS[i][1]) for i in range(4)))
-            self._pieces = [whole]
-            return whole
+            return Columns(*(column[: self._num_held] for column in self._buffer))
         self._spill()
         return Columns(*(np.memmap(self.scratch.path(name), dtype, "r") for name, dtype in _COLUMNS))
 
@@ -108,11 +113,10 @@ class EventCache:
 
     def _spill(self) -> None:
         need = self._num_held * BYTES_PER_EVENT
-        for i, (name, _) in enumerate(_COLUMNS):
+        for (name, _), column in zip(_COLUMNS, self._buffer, strict=True):
             with self.scratch.path(name, need).open("ab") as file:
-                for piece in self._pieces:
-                    piece[i].tofile(file)
-        self._pieces, self._num_held, self._is_spilled = [], 0, True
+                column[: self._num_held].tofile(file)
+        self._num_held, self._is_spilled = 0, True
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +145,6 @@ class FrameCache:
     """Frames of one shape and type, kept as they came; beyond the cap they lie in a scratch file."""
 
     scratch: Scratch
-    memory_cap: int = MEMORY_CAP
     _frames: list[np.ndarray] = field(default_factory=list)
     _num_bytes: int = 0
     _num_spilled: int = 0
@@ -150,7 +153,7 @@ class FrameCache:
         """Keep a frame; all must be alike."""
         self._frames.append(frame)
         self._num_bytes += frame.nbytes
-        if self._num_bytes > self.memory_cap:
+        if self._num_bytes > MEMORY_CAP:
             with self.scratch.path("frames", self._num_bytes).open("ab") as file:
                 for held in self._frames:
                     held.tofile(file)
@@ -180,9 +183,3 @@ def grey(frame: Shaped[np.ndarray, ...], *, is_bgr: bool = False) -> Float32[np.
         return frame[..., 0].astype(np.float32) / maximum
     weights = np.array([0.114, 0.587, 0.299] if is_bgr else [0.299, 0.587, 0.114], np.float32)
     return (frame[..., :3].astype(np.float32) @ weights) / maximum
-
-
-def _joined(parts: Sequence[np.ndarray], dtype: type[np.generic]) -> np.ndarray:
-    if not parts:
-        return np.empty(0, dtype)
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)

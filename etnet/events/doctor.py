@@ -188,10 +188,11 @@ def _rates(recording: Recording) -> tuple[float, ...]:
     """Events per second in equal parts of the span, from the time index alone."""
     if recording.num_events == 0 or recording.span.duration == 0:
         return ()
-    num_bins = min(RATE_BINS, recording.span.duration)
-    edges = np.linspace(recording.span.start, recording.span.stop, num_bins + 1)
-    indices = [recording.index_at(int(np.ceil(edge))) for edge in edges[:-1]] + [recording.num_events]
-    return tuple((np.diff(indices) * 1e6 / np.diff(edges)).tolist())
+    start, duration = recording.span.start, recording.span.duration
+    num_bins = min(RATE_BINS, duration)
+    # Whole numbers: an epoch stamp in µs has no digits to spare in a float.
+    indices = [recording.index_at(start - (-duration * i // num_bins)) for i in range(num_bins)]
+    return tuple((np.diff([*indices, recording.num_events]) * (1e6 * num_bins / duration)).tolist())
 
 
 def _blocks(recording: Recording) -> Iterator[tuple[float, Events]]:

@@ -22,9 +22,13 @@ TRAINED_TOKENS = 196
 
 @dataclass(frozen=True, slots=True)
 class AttentionProbe:
-    """Which attention sites to keep q and k of; `None` means all. Probing never changes the frame (law 1)."""
+    """Which attention sites to keep q and k of; `None` means all. Probing never changes the frame (law 1).
+
+    `values` keeps v and the output projection too, for what a token is given and not only where it looks.
+    """
 
     sites: frozenset[str] | None = None
+    values: bool = False
 
     def wants(self, site: str) -> bool:
         """Whether this site is watched."""
@@ -36,13 +40,16 @@ class Attention:
     """q and k of the probed sites of one step (batch 1), from which any row or column of a map can be computed.
 
     `queries[site]`, `keys[site]`: "heads tokens d". `scales[site]` multiplies the logits (1/√d and, where the
-    network has it, the scaling by the number of tokens).
+    network has it, the scaling by the number of tokens). `values[site]` and `outputs[site]` (W_O of each head, so
+    that a token receives Σ over heads and keys of α v W_O, and a bias) are there if the probe asked for values.
     """
 
     grid: TokenGrid
     queries: dict[str, Float[Tensor, "heads n d"]]
     keys: dict[str, Float[Tensor, "heads n d"]]
     scales: dict[str, float]
+    values: dict[str, Float[Tensor, "heads n d"]] = field(default_factory=dict)
+    outputs: dict[str, Float[Tensor, "heads d dim"]] = field(default_factory=dict)
 
     @property
     def sites(self) -> tuple[str, ...]:
@@ -51,8 +58,8 @@ class Attention:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of q and k."""
-        return sum(tensor.nbytes for held in (self.queries, self.keys) for tensor in held.values())
+        """Bytes of q, k and v; W_O belongs to the network."""
+        return sum(tensor.nbytes for held in (self.queries, self.keys, self.values) for tensor in held.values())
 
     def rows(self, site: str, tokens: Sequence[int]) -> Float[Tensor, "heads queries keys"]:
         """Where each of `tokens` looks: one distribution over all keys per head, softmax in fp32; rows sum to 1."""
@@ -88,18 +95,25 @@ class Observer:
     queries: dict[str, Tensor] = field(default_factory=dict)
     keys: dict[str, Tensor] = field(default_factory=dict)
     scales: dict[str, float] = field(default_factory=dict)
+    values: dict[str, Tensor] = field(default_factory=dict)
+    outputs: dict[str, Tensor] = field(default_factory=dict)
 
-    def record(self, site: str, query: Tensor, key: Tensor, scale: float) -> None:
-        """Keep q and k of a site that the probe wants ("1 heads n d")."""
+    def record(self, site: str, query: Tensor, key: Tensor, value: Tensor, output: Tensor, scale: float) -> None:
+        """Keep what the probe wants of a site: q, k, v ("1 heads n d") and W_O as torch holds it ("dim dim")."""
         if self.probe is None or not self.probe.wants(site):
             return
         if query.shape[0] != 1:
             raise ModelError(f"attention can be probed for a batch of 1, got {query.shape[0]}; step one at a time")
         self.queries[site], self.keys[site], self.scales[site] = query[0].detach(), key[0].detach(), scale
+        if self.probe.values:
+            self.values[site] = value[0].detach()
+            self.outputs[site] = rearrange(output.detach(), "dim (h d) -> h d dim", h=query.shape[1])
 
     def attention(self, grid: TokenGrid) -> Attention | None:
         """What was collected; `None` when nobody asked."""
-        return None if self.probe is None else Attention(grid, self.queries, self.keys, self.scales)
+        if self.probe is None:
+            return None
+        return Attention(grid, self.queries, self.keys, self.scales, self.values, self.outputs)
 
     def is_uniform(self, site: str) -> bool:
         """Whether this site attends to every token alike."""
@@ -134,7 +148,7 @@ class MultiHeadAttention(nn.Module):
     ) -> Float[Tensor, "b n c"]:
         q, k, v = (rearrange(x, "b n (h d) -> b h n d", h=self.heads) for x in self._project(query, memory))
         scale = self._scale(q.shape[-1], k.shape[2])
-        observer.record(self.site, q, k, scale)
+        observer.record(self.site, q, k, v, self.out_proj.weight, scale)
 
         if observer.is_uniform(self.site):
             mixed = v.mean(2, keepdim=True).expand_as(q)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from etnet.errors import Cancelled
+from etnet.events.edit import UNEDITED, EventEdit
 from etnet.events.recording import Recording
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.base import Pyramid, Reconstructor, State, Step
@@ -61,6 +62,7 @@ class Playback:
         self.recording = recording
         self.windows = windows
         self.intervention = ORIGINAL
+        self.edit = UNEDITED
         self.branch_at = 0
         self.parent: Playback | None = None
         self._budget_bytes = budget_bytes
@@ -103,10 +105,16 @@ class Playback:
 
     def lay_state(self, index: int, cancelled: Callable[[], bool] | None = None) -> None:
         """Make sure that the state after window `index` was computed, decoding nothing (prefetch)."""
+        self.state(index, cancelled)
+
+    def state(self, index: int, cancelled: Callable[[], bool] | None = None) -> State:
+        """The state after window `index`, decoding nothing."""
         self._check(index)
-        if self._state(index) is None:
-            with torch.inference_mode():
-                self._pyramid(index, cancelled, None)
+        held = self._state(index)
+        if held is not None:
+            return held
+        with torch.inference_mode():
+            return self._pyramid(index, cancelled, None)[1]
 
     def approximate(self, index: int, warm_up: int, cancelled: Callable[[], bool] | None = None) -> Step:
         """The frame after a cold start `warm_up` windows earlier: a preview, never kept, never called exact."""
@@ -115,7 +123,7 @@ class Playback:
         with torch.inference_mode():
             for i in range(max(0, index - warm_up), index + 1):
                 _raise_if(cancelled)
-                pyramid, state = self.model.encode(self._input(i), state, self._encoding(i))
+                pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))
             assert pyramid is not None
             assert state is not None
             frame, _ = self.model.decode(pyramid, None, self._decoding(ORIGINAL, index))
@@ -124,7 +132,15 @@ class Playback:
     def voxel(self, index: int) -> Float[Tensor, "bins h w"]:
         """The voxel grid that the network gets for window `index`, its normalisation applied."""
         self._check(index)
-        return window_voxel(self.model, self.recording, self.windows[index])
+        return window_voxel(self.model, self.recording, self.windows[index], self.edit_at(index))
+
+    def intervention_at(self, index: int) -> Intervention:
+        """What was carried into the memory at window `index`: this branch's from its start, its parent's before."""
+        return self._owner(index).intervention
+
+    def edit_at(self, index: int) -> EventEdit:
+        """How the events of window `index` were changed before the network saw them."""
+        return self._owner(index).edit
 
     def plan(self, index: int) -> Seek:
         """What `at(index)` would have to do now."""
@@ -144,11 +160,14 @@ class Playback:
         """Whether the frame of window `index` is held."""
         return (index, intervention) in self._frames
 
-    def branch(self, at: int, intervention: Intervention) -> Playback:
-        """A playback in which `intervention` holds from window `at` on; all states before it are shared."""
+    def branch(self, at: int, intervention: Intervention = ORIGINAL, edit: EventEdit = UNEDITED) -> Playback:
+        """A playback in which `intervention` and `edit` hold from window `at` on; all states before it are shared.
+
+        They replace what this playback itself changes from there on.
+        """
         self._check(at)
         branch = Playback(self.model, self.recording, self.windows, self._budget_bytes // 2)
-        branch.intervention, branch.branch_at, branch.parent = intervention, at, self
+        branch.intervention, branch.edit, branch.branch_at, branch.parent = intervention, edit, at, self
         return branch
 
     @property
@@ -174,8 +193,8 @@ class Playback:
         state, pyramid = (None, None) if before < 0 else (self._state(before), None)
         for i in range(before + 1, index + 1):
             _raise_if(cancelled)
-            pyramid, state = self.model.encode(self._input(i), state, self._encoding(i))
-            self._states.put(i, state, index)
+            pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))
+            self._owner(i)._states.put(i, state, index)
             if progress is not None:
                 progress(i - before, index - before)
         assert pyramid is not None
@@ -183,13 +202,14 @@ class Playback:
         return pyramid, state
 
     def _input(self, index: int) -> Tensor:
-        voxel = window_voxel(self.model, self.recording, self.windows[index])[None]
-        return voxel.to(next(self.model.parameters()).device)  # pyright: ignore[reportAttributeAccessIssue]
+        return self.voxel(index)[None].to(next(self.model.parameters()).device)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _owner(self, index: int) -> Playback:
+        """The playback whose changes hold at window `index` and that keeps its state: this one or one it branches."""
+        return self if self.parent is None or index >= self.branch_at else self.parent._owner(index)
 
     def _state(self, index: int) -> State | None:
-        if self.parent is not None and index < self.branch_at:
-            return self.parent._state(index)
-        return self._states.get(index)
+        return self._owner(index)._states.get(index)
 
     def _nearest_before(self, index: int) -> int:
         """The nearest index before `index` whose state is held, here or before the branch; −1 for none."""
@@ -198,11 +218,8 @@ class Playback:
             nearest = self.parent._nearest_before(min(index, self.branch_at))
         return -1 if nearest is None else nearest
 
-    def _encoding(self, index: int) -> Intervention:
-        return self.intervention if index >= self.branch_at else ORIGINAL
-
     def _decoding(self, intervention: Intervention, index: int) -> Intervention:
-        return intervention if intervention != ORIGINAL else self._encoding(index)
+        return intervention if intervention != ORIGINAL else self.intervention_at(index)
 
     def _check(self, index: int) -> None:
         if not 0 <= index < len(self.windows):

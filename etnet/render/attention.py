@@ -35,6 +35,13 @@ def overlay(
 ) -> UInt8[np.ndarray, "*maps rows columns 4"]:
     """One RGBA pixel a token. Opacity rises with attention, so what is not read stays the dimmed frame."""
     level = log_level(times_uniform(row), highest).reshape(*row.shape[:-1], rows, columns)
+    return level_overlay(level, opacity)
+
+
+def level_overlay(
+    level: Float[np.ndarray, "*maps rows columns"], opacity: float = 1.0
+) -> UInt8[np.ndarray, "*maps rows columns 4"]:
+    """0 … 1 → RGBA, as `overlay` colours it."""
     alpha = opacity * level**1.4  # alike attention (1 ×) is a faint veil, not a wash
     colours = sequential()[np.rint(level * 255).astype(np.uint8)]
     return np.concatenate([colours, np.rint(alpha * 255).astype(np.uint8)[..., None]], axis=-1)

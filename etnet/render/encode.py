@@ -1,4 +1,4 @@
-"""uint8 images → PNG and JPEG bytes, and the data: URLs that a page shows."""
+"""uint8 images → PNG, JPEG and WebP bytes, and the data: URLs that a page shows."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ def jpeg(image: Image, quality: int = 88) -> bytes:
     options = [cv2.IMWRITE_JPEG_QUALITY, quality]
     options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     return _encode(image, ".jpg", options)
+
+
+def webp(image: Image, quality: int | None) -> bytes:
+    """Smaller than both, for files that have to be small; `quality` `None` is lossless. Grey, RGB or RGBA order."""
+    return _encode(image, ".webp", [cv2.IMWRITE_WEBP_QUALITY, 101 if quality is None else quality])
 
 
 def data_url(image: Image, is_lossless: bool) -> str:

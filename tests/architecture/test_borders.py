@@ -17,7 +17,8 @@ SOURCES = sorted(path for package in ("etnet", "app") for path in (ROOT / packag
 PUBLIC = {
     "open_recording", "Recording", "Events", "Sensor", "GroundTruth",
     "plan_windows", "Window", "BetweenFrames", "ByCount", "ByDuration", "ByDensity",
-    "voxel_grid", "load_model", "build_model", "State", "Step", "Attention", "AttentionProbe", "Intervention",
+    "voxel_grid", "load_model", "build_model", "State", "Step",
+    "Attention", "AttentionProbe", "Intervention", "EventEdit",
     "reconstruct", "Playback",
     "EtnetError", "RecordingError", "WindowError", "ModelError", "WeightsError", "Cancelled",
 }  # fmt: skip

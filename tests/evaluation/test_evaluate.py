@@ -138,6 +138,7 @@ def test_scores_survive_the_disk_and_are_computed_anew_under_another_key(tmp_pat
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_the_shipped_start_weights_score_on_slider_depth_what_their_readme_says(judges: Judges) -> None:
     """MSE .0190, SSIM .642, LPIPS .305, affine LPIPS .303; constant grey .0228 and .535 (there on frames 1 … 38)."""
     from tests.evaluation.start_weights import start_weights

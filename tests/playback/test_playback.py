@@ -9,13 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etnet.errors import Cancelled
+from etnet.events.edit import EventEdit
 from etnet.events.recording import Recording, recording_of_events
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.etnet import ETNet
-from etnet.nets.intervention import Intervention
+from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
 from etnet.playback.playback import Playback
 from etnet.reconstruction import window_voxel
+from etnet.voxel import voxel_grid
 from etnet.windows import ByCount, plan_windows
 from tests.strategies import make_events
 
@@ -173,3 +175,46 @@ def test_a_long_random_walk_in_little_memory():
     for _ in range(60):
         index = walk.randrange(NUM_WINDOWS)
         assert torch.equal(playback.at(index).frame, TRUTH[index].frame)
+
+
+def test_a_branch_that_edits_nothing_is_the_original_to_the_bit():
+    playback = _playback(MODEL, budget_states=100)
+    branch = playback.branch(3, edit=EventEdit(seed=5))
+    for index in (7, 2, 5):
+        assert torch.equal(branch.at(index).frame, TRUTH[index].frame)
+
+
+def test_edited_events_reach_the_network_from_the_branch_on():
+    playback = _playback(MODEL, budget_states=100)
+    edit = EventEdit(drop=0.5, invert=0.2, jitter=0.5, seed=5)
+    branch, again = playback.branch(3, edit=edit), playback.branch(3, edit=edit)
+    assert torch.equal(branch.at(2).frame, TRUTH[2].frame)
+    assert not torch.equal(branch.at(3).frame, TRUTH[3].frame)
+    assert torch.equal(branch.at(6).frame, again.at(6).frame)
+    assert torch.equal(playback.at(6).frame, TRUTH[6].frame)
+    window = playback.windows[4]
+    edited = edit.applied(playback.recording.read(window.start, window.stop), window.start)
+    assert torch.equal(branch.voxel(4), voxel_grid(edited, MODEL.bins))
+    assert torch.equal(branch.voxel(2), playback.voxel(2))
+
+
+def test_a_branch_of_a_branch_keeps_what_its_parent_changed():
+    """What lies before the second branch is the first branch's, whether its states were held or must be replayed."""
+    zeroed = Intervention(zeroed_levels=frozenset({3}))
+    for budget in (0, 100):
+        first = _playback(MODEL, budget_states=budget).branch(2, zeroed, EventEdit(drop=0.3))
+        first._states.set_budget(0, 0)
+        second = first.branch(6)
+        assert torch.equal(second.at(5).frame, first.at(5).frame)
+        assert not torch.equal(second.at(5).frame, TRUTH[5].frame)
+        assert (second.intervention_at(4), second.intervention_at(6)) == (zeroed, ORIGINAL)
+        assert not torch.equal(second.at(8).frame, first.at(8).frame)
+
+
+def test_a_state_is_given_without_decoding():
+    model = CountingModel(MODEL)
+    playback = _playback(model, budget_states=100)
+    model.encoded = model.decoded = 0
+    state = playback.state(6)
+    assert (model.encoded, model.decoded) == (6, 0)
+    assert all(torch.equal(a, b) for a, b in zip(state, TRUTH[6].state, strict=True))

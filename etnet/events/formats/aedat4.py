@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,11 +13,11 @@ from etnet.errors import RecordingError
 from etnet.events.cache import FrameCache, grey
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.collect import Decoded, collect
+from etnet.events.formats.collect import collect
+from etnet.events.formats.packets import Packets
 from etnet.events.formats.pictures import in_order
 from etnet.events.recording import GroundTruth
 
-_LARGEST_STAMP = 2**62
 _ROUGH_BYTES_PER_EVENT = 6
 
 
@@ -32,7 +31,6 @@ class _Others:
     num_triggers: int = 0
     num_odd_frames: int = 0
     first: np.ndarray | None = None
-    is_cut: str | None = None
 
 
 def _open(request: Request) -> Opened:
@@ -49,45 +47,31 @@ def _open(request: Request) -> Opened:
         remarks.detected(f"{len(event_streams)} event streams; the first one (number {wanted}) is shown")
     size = streams[wanted if wanted is not None else frame_streams[0]]
     others = _Others(FrameCache(request.scratch))
-    pieces = _pieces(request, decoder, wanted, frame_streams[0] if frame_streams else None, others)
-    collected = collect(request, pieces, Sensor(int(size["width"]), int(size["height"])), remarks)
+    frames = frame_streams[0] if frame_streams else None
+    packets = Packets(request, "AEDAT4", _ROUGH_BYTES_PER_EVENT, lambda: _next_events(decoder, wanted, frames, others))
+    collected = collect(request, packets.pieces(), Sensor(int(size["width"]), int(size["height"])), remarks)
     if collected.source.num_events == 0 and len(others.frames) == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    if packets.break_off is not None:
+        remarks.repaired(packets.break_off)
     _say(others, collected.source.num_events, remarks)
     return Opened(
         "AEDAT4", collected.source, collected.sensor, collected.span, tuple(remarks.kept), _truth(others, remarks)
     )
 
 
-def _pieces(
-    request: Request, decoder: aedat.Decoder, wanted: int | None, frames: int | None, others: _Others
-) -> Iterator[Decoded]:
-    size = max(1, request.path.stat().st_size)
-    num_events = 0
-    while True:
-        try:
-            with contained(request.name, f"AEDAT4 after event {num_events}"):
-                packet = next(decoder, None)
-        except RecordingError as slip:
-            if num_events == 0:
-                raise
-            others.is_cut = str(slip.__cause__)
-            return
-        if packet is None:
-            return
+def _next_events(decoder: aedat.Decoder, wanted: int | None, frames: int | None, others: _Others) -> np.ndarray | None:
+    """The next packet of events; what lies between is kept or counted."""
+    for packet in decoder:
         if "events" in packet and packet["stream_id"] == wanted:
-            events = packet["events"]
-            num_events += len(events)
-            if len(events) and int(events["t"].max()) >= _LARGEST_STAMP:
-                raise RecordingError(f"{request.name}: stamps near event {num_events} are no time; the file is damaged")
-            fraction = num_events * _ROUGH_BYTES_PER_EVENT / size
-            yield Decoded(events["x"], events["y"], events["t"].astype(np.int64), events["on"], fraction)
-        elif "frame" in packet and packet["stream_id"] == frames:
+            return packet["events"]
+        if "frame" in packet and packet["stream_id"] == frames:
             _keep_frame(packet["frame"], others)
         elif "imus" in packet:
             others.num_inertial += len(packet["imus"])
         elif "triggers" in packet:
             others.num_triggers += len(packet["triggers"])
+    return None
 
 
 def _keep_frame(frame: dict[str, Any], others: _Others) -> None:
@@ -113,8 +97,6 @@ def _truth(others: _Others, remarks: Remarks) -> GroundTruth | None:
 
 
 def _say(others: _Others, num_events: int, remarks: Remarks) -> None:
-    if others.is_cut is not None:
-        remarks.repaired(f"the file breaks off after event {num_events} ({others.is_cut}); what comes before is kept")
     if num_events == 0:
         remarks.detected("there are frames and no events")
     if others.num_odd_frames:

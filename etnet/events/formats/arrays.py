@@ -62,12 +62,18 @@ def columns_of_array(array: np.ndarray, name: str, remarks: Remarks) -> Columns:
 
 
 def _table_order(table: np.ndarray) -> tuple[str, str, str, str]:
-    """p has at most two values in −1 … 1; of the others t is the first or the third column."""
-    sample = table[:: max(1, len(table) // 10_000)]
-    if len(sample) and sample[:, 0].max() > max(sample[:, 1].max(), sample[:, 2].max()):
-        return ("t", "x", "y", "p")
-    fractions = sample[:, 0] != np.floor(sample[:, 0])
-    return ("t", "x", "y", "p") if bool(fractions.any()) else ("x", "y", "t", "p")
+    """p is the last column, t the first or the third: the one with fractions, else the ordered one, else the larger."""
+    sample = np.asarray(table[:: max(1, len(table) // 10_000)], np.float64)
+    signs = (
+        lambda column: bool((column != np.floor(column)).any()),
+        lambda column: bool((np.diff(column) >= 0).all()),
+    )
+    for is_time in signs:
+        first, third = is_time(sample[:, 0]), is_time(sample[:, 2])
+        if first != third:
+            return ("t", "x", "y", "p") if first else ("x", "y", "t", "p")
+    is_larger = len(sample) > 0 and sample[:, 0].max() > sample[:, 2].max()
+    return ("t", "x", "y", "p") if is_larger else ("x", "y", "t", "p")
 
 
 def open_columns(

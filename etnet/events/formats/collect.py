@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int64, Shaped
+from jaxtyping import Int64, Integer, Shaped
 
 from etnet.errors import RecordingError
 from etnet.events.cache import Columns, ColumnSource, EventCache
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
-from etnet.events.formats.columns import deduced_sensor, pixel_column, signed_polarity
+from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, pixel_column, signed_polarity
 from etnet.events.recording import EventSource, Span
+
+FEW = 0.01
+"""The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
 
 SMALL_STEP_BACK = 1000
 """µs. Cameras' own clocks step back this little between packets; more is a fault that a person must decide about."""
 
 
 class Decoded(NamedTuple):
-    """A piece of a file: x, y and p of any number type, t already int64 µs."""
+    """A piece of a file: x, y and p of any number type, t already in whole µs."""
 
     x: Shaped[np.ndarray, " n"]
     y: Shaped[np.ndarray, " n"]
-    t: Int64[np.ndarray, " n"]
+    t: Integer[np.ndarray, " n"]
     p: Shaped[np.ndarray, " n"]
     fraction: float = 0.0
     """How much of the file has been read after this piece, 0 … 1."""
@@ -51,43 +54,62 @@ class _Order:
 
     def look(self, t: Int64[np.ndarray, " n"], index: int) -> None:
         """Take in a piece whose first event is number `index`."""
-        if len(t) == 0:
-            return
-        before = t[0] if self.last is None else self.last
-        steps = np.diff(t, prepend=before)
-        if int(steps.min()) < 0:
-            if self.num_back == 0:
-                self.first_back = index + int(np.argmax(steps < 0))
-            self.num_back += int(np.count_nonzero(steps < 0))
-            self.farthest = max(self.farthest, -int(steps.min()))
+        before = int(t[0]) if self.last is None else self.last
         self.last = int(t[-1])
+        if t[0] >= before and not bool((t[1:] < t[:-1]).any()):
+            return
+        steps = np.diff(t, prepend=before)
+        if self.num_back == 0:
+            self.first_back = index + int(np.argmax(steps < 0))
+        self.num_back += int(np.count_nonzero(steps < 0))
+        self.farthest = max(self.farthest, -int(steps.min()))
+
+
+@dataclass
+class _Stray:
+    """Events beyond the sensor, and how far any event reaches."""
+
+    reach_x: int = -1
+    reach_y: int = -1
+    num_outside: int = 0
+    first: int = 0
+
+    def weed(self, columns: Columns, sensor: Sensor | None, index: int) -> int:
+        """Move the events inside the sensor to the front of `columns`; how many they are."""
+        count = len(columns.t)
+        furthest_x, furthest_y = int(columns.x.max()), int(columns.y.max())
+        self.reach_x, self.reach_y = max(self.reach_x, furthest_x), max(self.reach_y, furthest_y)
+        if sensor is None or (furthest_x < sensor.width and furthest_y < sensor.height):
+            return count
+        inside = (columns.x < sensor.width) & (columns.y < sensor.height)
+        kept = int(np.count_nonzero(inside))
+        if self.num_outside == 0:
+            self.first = index + int(np.argmin(inside))
+        self.num_outside += count - kept
+        for column in columns:
+            column[:kept] = column[inside]
+        return kept
 
 
 def collect(request: Request, pieces: Iterable[Decoded], declared: Sensor | None, remarks: Remarks) -> Collected:
     """Decode all pieces into the cache. `declared` is the sensor as the file has it; a stated one wins over it."""
     cache = EventCache(request.scratch)
     sensor = stated_sensor(request, declared, remarks)
-    order, reach_x, reach_y, num_outside, first_outside = _Order(), -1, -1, 0, 0
-    for piece in pieces:
-        columns = _unified(piece, request)
-        if len(columns.t) == 0:
-            continue
-        reach_x, reach_y = max(reach_x, int(columns.x.max())), max(reach_y, int(columns.y.max()))
-        if sensor is not None and (reach_x >= sensor.width or reach_y >= sensor.height):
-            inside = (columns.x < sensor.width) & (columns.y < sensor.height)
-            missing = len(inside) - int(np.count_nonzero(inside))
-            if missing and num_outside == 0:
-                first_outside = cache.num_events + int(np.argmin(inside))
-            num_outside += missing
-            columns = Columns(*(column[inside] for column in columns))
-        order.look(columns.t, cache.num_events)
-        cache.append(columns)
-        request.progress(min(piece.fraction, 0.99))
+    order, stray = _Order(), _Stray()
+    for whole in pieces:
+        for piece in _parts(whole, cache.capacity):
+            columns = cache.room(len(piece.t))
+            _fill(columns, piece, request, cache.num_events)
+            kept = stray.weed(columns, sensor, cache.num_events)
+            if kept:
+                order.look(columns.t[:kept], cache.num_events)
+            cache.keep(kept)
+        request.progress(min(whole.fraction, 0.99))
     if sensor is None:
         if cache.num_events == 0:
             raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-        sensor = deduced_sensor(reach_x, reach_y, request.name, remarks)
-    _judge_outside(num_outside, first_outside, cache.num_events, reach_x, reach_y, sensor, request, remarks)
+        sensor = deduced_sensor(stray.reach_x, stray.reach_y, request.name, remarks)
+    _judge_outside(stray, cache.num_events, sensor, request, remarks)
     columns = _ordered(cache, order, request, remarks)
     request.progress(1.0)
     span = Span(int(columns.t[0]), int(columns.t[-1])) if len(columns.t) else Span(0, 0)
@@ -104,37 +126,38 @@ def stated_sensor(request: Request, declared: Sensor | None, remarks: Remarks) -
     return stated
 
 
-def _unified(piece: Decoded, request: Request) -> Columns:
-    return Columns(
-        pixel_column(piece.x, "x", request.name),
-        pixel_column(piece.y, "y", request.name),
-        piece.t,
-        signed_polarity(piece.p, request.assume, request.name),
-    )
+def _parts(piece: Decoded, capacity: int) -> Iterator[Decoded]:
+    """The piece in parts that fit the cache; none of an empty one."""
+    for start in range(0, len(piece.t), capacity):
+        x, y, t, p, fraction = piece
+        part = slice(start, start + capacity)
+        yield Decoded(x[part], y[part], t[part], p[part], fraction)
 
 
-def _judge_outside(
-    num_outside: int,
-    first: int,
-    num_kept: int,
-    reach_x: int,
-    reach_y: int,
-    sensor: Sensor,
-    request: Request,
-    remarks: Remarks,
-) -> None:
+def _fill(columns: Columns, piece: Decoded, request: Request, index: int) -> None:
+    columns.x[:] = pixel_column(piece.x, "x", request.name)
+    columns.y[:] = pixel_column(piece.y, "y", request.name)
+    columns.p[:] = signed_polarity(piece.p, request.assume, request.name)
+    # A stamp of 64 bits without a sign that does not fit becomes negative here, and is told by it.
+    columns.t[:] = piece.t.view(np.int64) if piece.t.dtype == np.uint64 else piece.t
+    low, high = int(columns.t.min()), int(columns.t.max())
+    if low <= -LARGEST_STAMP or high >= LARGEST_STAMP or (low < 0 and piece.t.dtype.kind == "u"):
+        raise RecordingError(f"{request.name}: stamps after event {index} are no time; the file is damaged there")
+
+
+def _judge_outside(stray: _Stray, num_kept: int, sensor: Sensor, request: Request, remarks: Remarks) -> None:
     """A few stray events are dropped and said so; if they are many, the size or the format is wrong."""
-    if num_outside == 0:
+    if stray.num_outside == 0:
         return
-    if not request.assume.drop_outside and num_outside > 0.01 * (num_kept + num_outside):
+    num_all, reach = num_kept + stray.num_outside, f"up to ({stray.reach_x}, {stray.reach_y})"
+    if not request.assume.drop_outside and stray.num_outside > FEW * num_all:
         raise RecordingError(
-            f"{request.name}: {num_outside} of {num_kept + num_outside} events lie beyond {sensor}, "
-            f"up to ({reach_x}, {reach_y}); state the size with "
-            "--assume width=…,height=… or leave them out with --drop-outside"
+            f"{request.name}: {stray.num_outside} of {num_all} events lie beyond {sensor}, {reach}; state the size "
+            "with --assume width=…,height=… or leave them out with --drop-outside"
         )
     remarks.repaired(
-        f"{num_outside} events beyond the sensor {sensor}, up to ({reach_x}, {reach_y}), were left out; "
-        f"the first came before event {first}"
+        f"{stray.num_outside} events beyond the sensor {sensor}, {reach}, were left out; "
+        f"the first came before event {stray.first}"
     )
 
 

@@ -11,7 +11,9 @@ from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks
 
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-_LARGEST_STAMP = 2**62
+LARGEST_STAMP = 2**62
+"""µs; beyond it something is no time."""
+
 
 KNOWN_SENSORS = (
     (34, 34, "N-MNIST's crop"),
@@ -33,15 +35,16 @@ def stamps_in_microseconds(values: Shaped[np.ndarray, " n"], unit: TimeUnit, nam
     """Stamps of any number type as µs, rounded half to even."""
     if values.dtype.kind == "f":
         scaled = values.astype(np.float64) * (10**6 / _PER_SECOND[unit])
-        if not (np.abs(scaled) < _LARGEST_STAMP).all():
-            first = int(np.argmin(np.abs(scaled) < _LARGEST_STAMP))
+        # A comparison with NaN is false, so it is caught here too.
+        if len(scaled) and not (scaled.max() < LARGEST_STAMP and scaled.min() > -LARGEST_STAMP):
+            first = int(np.argmin(np.abs(scaled) < LARGEST_STAMP))
             raise RecordingError(
                 f"{name}: the stamp of event {first} is {values[first]} {unit}, which is no time; mend it"
             )
-        return np.rint(scaled).astype(np.int64)
+        return np.rint(scaled, out=scaled).astype(np.int64)
     if values.dtype.kind not in "iu":
         raise RecordingError(f"{name}: its stamps are of type {values.dtype}; numbers are wanted")
-    limit = _LARGEST_STAMP // max(1, 10**6 // _PER_SECOND[unit])
+    limit = LARGEST_STAMP // max(1, 10**6 // _PER_SECOND[unit])
     if len(values) and (int(values.max()) >= limit or int(values.min()) <= -limit):
         raise RecordingError(f"{name}: stamps up to {values.max()} {unit} do not fit 64 bits of µs; mend the file")
     stamps = values.astype(np.int64)
@@ -81,8 +84,10 @@ def signed_polarity(values: Shaped[np.ndarray, " n"], assume: Assumptions, name:
         is_on = values > 0
         if assume.polarity != "positive" and len(values):
             _check_coding(values, name)
-    signs = is_on.view(np.int8) * np.int8(2) - np.int8(1)
-    return -signs if assume.polarity == "inverted" else signs
+    signs = is_on.astype(np.int8)
+    signs *= -2 if assume.polarity == "inverted" else 2
+    signs += 1 if assume.polarity == "inverted" else -1
+    return signs
 
 
 def _check_coding(values: Shaped[np.ndarray, " n"], name: str) -> None:
@@ -106,9 +111,9 @@ def pixel_column(values: Shaped[np.ndarray, " n"], axis: str, name: str) -> UInt
         raise RecordingError(f"{name}: its {axis} column is of type {values.dtype}; whole numbers are wanted")
     if len(values) == 0:
         return np.empty(0, np.uint16)
-    fine = (values >= 0) & (values < 65_536)
-    if values.dtype.kind == "f":
-        fine &= values == np.floor(values)
+    if values.dtype.kind != "f" and int(values.min()) >= 0 and int(values.max()) < 65_536:
+        return values.astype(np.uint16)
+    fine = (values >= 0) & (values < 65_536) & (values == np.floor(values))
     if not fine.all():
         first = int(np.argmin(fine))
         raise RecordingError(

@@ -45,6 +45,8 @@ def whole_numbers(
 ) -> Int64[np.ndarray, " n"]:
     """The unsigned integers whose last digit lies just before `stops`: 1 … LONGEST_WHOLE digits, nothing else."""
     longest = int(lengths.max(initial=0))
+    if longest == 1:
+        return text.octets.take(stops - 1).astype(np.int64) - ord("0")
     value = _last_digits(text, stops, np.minimum(lengths, 8) if longest > 8 else lengths)
     for taken, weight in ((8, 10**8), (16, 10**16)):
         if longest > taken:

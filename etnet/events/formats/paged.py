@@ -18,7 +18,7 @@ from etnet.events.recording import Span
 PAGE = 1 << 18
 """Events read at once when a whole file is gone through."""
 
-_NUM_PROBES = 64
+_FEW_PROBES, _MANY_PROBES = 8, 64
 _PROBE = 4096
 
 ReadColumns = Callable[[int, int], Decoded]
@@ -42,7 +42,9 @@ class PagedSource:
         with self.lock, contained(name, f"events {start} … {stop} of {self.what}"):
             raw = self.read_columns(start, stop)
         x, y = pixel_column(raw.x, "x", name), pixel_column(raw.y, "y", name)
-        events = Events(x, y, raw.t, signed_polarity(raw.p, self.request.assume, name), self.sensor)
+        events = Events(
+            x, y, raw.t.astype(np.int64, copy=False), signed_polarity(raw.p, self.request.assume, name), self.sensor
+        )
         if not len(raw.x) == len(raw.y) == len(raw.t) == len(raw.p) == stop - start:
             raise RecordingError(f"{name}: columns end before event {stop}; the file may be truncated")
         _check(events, start, name)
@@ -66,7 +68,7 @@ def paged(
     if request.assume.mends:
         return collect(request, _pages(num_events, read_columns), declared, remarks)
     sensor = stated_sensor(request, declared, remarks)
-    probes = _probes(num_events, read_columns)
+    probes = _probes(num_events, read_columns, _FEW_PROBES if sensor is not None else _MANY_PROBES)
     if sensor is None:
         sensor = _probed_sensor(probes, request, num_events, read_columns, remarks)
     _check_probes(probes, request.name)
@@ -81,10 +83,10 @@ def _pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
         yield read_columns(start, stop)._replace(fraction=stop / num_events)
 
 
-def _probes(num_events: int, read_columns: ReadColumns) -> list[tuple[int, Decoded]]:
+def _probes(num_events: int, read_columns: ReadColumns, most: int) -> list[tuple[int, Decoded]]:
     """A few short slices, spread over the file, first and last events among them."""
     last = max(0, num_events - _PROBE)
-    starts = sorted({int(place) for place in np.linspace(0, last, min(_NUM_PROBES, 1 + num_events // _PROBE))} | {last})
+    starts = sorted({int(place) for place in np.linspace(0, last, min(most, 1 + num_events // _PROBE))} | {last})
     return [(start, read_columns(start, min(start + _PROBE, num_events))) for start in starts]
 
 
@@ -125,9 +127,9 @@ def _check(events: Events, start: int, name: str) -> None:
             f"{name}: event {start + i} is at ({events.x[i]}, {events.y[i]}), beyond {events.sensor}; "
             "state the size with --assume width=…,height=… or open it with --drop-outside"
         )
-    steps = np.diff(events.t)
-    if len(steps) and int(steps.min()) < 0:
-        i = int(np.argmax(steps < 0)) + 1
+    is_back = events.t[1:] < events.t[:-1]
+    if bool(is_back.any()):
+        i = int(np.argmax(is_back)) + 1
         raise RecordingError(
             f"{name}: time runs back at event {start + i} ({events.t[i - 1]} > {events.t[i]} µs); open it with --sort"
         )

@@ -5,16 +5,15 @@ Header keys: docs.prophesee.ai, "RAW file format". EVT 2.1 is decoded in `evt21`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import faery
-import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.collect import Collected, Decoded, collect
+from etnet.events.formats.collect import Collected, collect
+from etnet.events.formats.packets import Packets
 
 _ROUGH_BYTES = {"2.0": 4, "3.0": 6}
 _UNSTATED = (2048, 2048)
@@ -122,40 +121,13 @@ def through_faery(
     """Let faery decode the file. It steps in where stamps run back: it holds them at the last one."""
     with contained(request.name, kind):
         stream = iter(faery.events_stream_from_file(request.path, dimensions_fallback=_UNSTATED))
-    pieces = _pieces(request, kind, lambda: next(stream, None), bytes_per_event, remarks)
-    collected = collect(request, pieces, declared, remarks)
+    packets = Packets(request, kind, bytes_per_event, lambda: next(stream, None))
+    collected = collect(request, packets.pieces(), declared, remarks)
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    if packets.break_off is not None:
+        remarks.repaired(packets.break_off)
     return collected
-
-
-def _pieces(
-    request: Request,
-    kind: str,
-    next_packet: Callable[[], np.ndarray | None],
-    bytes_per_event: int,
-    remarks: Remarks,
-) -> Iterator[Decoded]:
-    size = max(1, request.path.stat().st_size)
-    num_events = 0
-    while True:
-        try:
-            with contained(request.name, f"{kind} after event {num_events}"):
-                packet = next_packet()
-        except RecordingError as slip:
-            if num_events == 0:
-                raise
-            remarks.repaired(
-                f"the file breaks off after event {num_events} ({slip.__cause__}); what comes before is kept"
-            )
-            return
-        if packet is None:
-            return
-        num_events += len(packet)
-        if len(packet) and int(packet["t"].max()) >= 2**62:
-            raise RecordingError(f"{request.name}: stamps near event {num_events} are no time; the file is damaged")
-        fraction = num_events * bytes_per_event / size
-        yield Decoded(packet["x"], packet["y"], packet["t"].astype(np.int64), packet["on"], fraction)
 
 
 def _is_raw(request: Request) -> bool:

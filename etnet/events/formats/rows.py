@@ -35,19 +35,21 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """The four columns as numbers: t in µs, p as it stands in the file."""
+    """The four columns as numbers: t in µs, p as it stands in the file; and how many lines they took."""
 
     x: Int64[np.ndarray, " n"]
     y: Int64[np.ndarray, " n"]
     t: Int64[np.ndarray, " n"]
     p: Int64[np.ndarray, " n"]
+    num_lines: int
 
 
 def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Rows:
     """`block` is whole lines; `first_line` is the number of its first one, for errors."""
     if not block.endswith(b"\n"):
         block += b"\n"
-    block = block.translate(_TO_SPACES)
+    if any(mark in block for mark in (b",", b";", b"\t")):
+        block = block.translate(_TO_SPACES)
     if b"\r" in block:
         block = block.replace(b"\r\n", b"\n")
     if b"-" in block and columns.p == columns.count - 1:
@@ -66,11 +68,11 @@ def _regular(block: bytes, columns: Columns) -> Rows | None:
     octets = text.octets[MARGIN:-MARGIN]
     if int(octets.max()) > ord("9"):
         return None
-    num_rows = block.count(b"\n")
+    has_point = b"." in block[: block.index(b"\n")]
     marks = np.flatnonzero(octets < ord("0"))
     marks += MARGIN
-    has_point = len(marks) == num_rows * (columns.count + 1)
-    if not has_point and len(marks) != num_rows * columns.count:
+    num_rows, left_over = divmod(len(marks), columns.count + has_point)
+    if left_over or num_rows == 0:
         return None
     ends = np.ascontiguousarray(marks.reshape(num_rows, -1).T)
     points = ends[columns.t] if has_point else None
@@ -90,7 +92,7 @@ def _regular(block: bytes, columns: Columns) -> Rows | None:
     if t is None:
         return None
     x, y, p = (whole_numbers(text, stops[i], lengths[i]) for i in (columns.x, columns.y, columns.p))
-    return Rows(x, y, t, p)
+    return Rows(x, y, t, p, num_rows)
 
 
 def _is_regular(text: Padded, stops: list[Int64[np.ndarray, " n"]], points: Int64[np.ndarray, " n"] | None) -> bool:
@@ -145,7 +147,8 @@ def _one_by_one(block: bytes, columns: Columns, name: str, first_line: int) -> R
                 f"(time, x, y and polarity among them); correct or remove the line"
             ) from slip
     table = np.array(kept, np.int64).reshape(-1, 4)
-    return Rows(*(table[:, i].copy() for i in range(4)))
+    x, y, t, p = (table[:, i].copy() for i in range(4))
+    return Rows(x, y, t, p, block.count(b"\n"))
 
 
 def _whole(value: Decimal) -> int:

@@ -46,7 +46,7 @@ def text_pieces(stream: BufferedIOBase, size: int, columns: Columns, name: str, 
             continue
         whole, rest = rest + block[:cut], block[cut:]
         rows = parse_rows(whole, columns, name, line)
-        line += whole.count(b"\n")
+        line += rows.num_lines
         yield Decoded(rows.x, rows.y, rows.t, rows.p, done / max(size, done))
     if rest.strip():
         rows = parse_rows(rest, columns, name, line)

@@ -1,0 +1,247 @@
+"""`etnet export KIND RECORDING -o OUT`: video, gif, frames, arrays, csv, page or session, to take away."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from etnet.cli.policy import default_policy, parse_policy
+from etnet.cli.progress import console, progress_callback
+from etnet.cli.recording import Opening, open_with_progress
+from etnet.errors import EtnetError, WindowError
+
+if TYPE_CHECKING:
+    from etnet.export.take import Progress, Take
+    from etnet.windows import Policy
+
+MEMORY = 128 << 20
+"""Bytes of states and frames that an export keeps; it goes forward, so little is looked at twice."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is taken away."""
+
+    file: tyro.conf.Positional[Path]
+    """A recording: a file, a folder or a zip."""
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Where to write."""
+    model: str = "etnet-half"
+    """A bundled model's name, or a weights file."""
+    windows: str | None = None
+    """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
+    range: str | None = None
+    """Windows FROM:TO, TO left out; either may be omitted. Default: all."""
+    device: str = "cpu"
+    precision: Literal["fp32", "bf16", "auto"] = "fp32"
+    opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
+
+
+@dataclass(frozen=True)
+class Pictures(Source):
+    """How it is drawn."""
+
+    panels: tuple[Literal["events", "reconstruction", "camera"], ...] = ("reconstruction",)
+    """Side by side, in this order."""
+    scale: int = 1
+    """Enlarge each pixel to so many on a side."""
+    stamps: bool = False
+    """Burn a line with seconds, window and events in, below the picture."""
+    gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
+    """Display gamma; default: what the model's card says (1 = as the network gives it)."""
+
+
+@dataclass(frozen=True)
+class Frames(Pictures):
+    """A folder of PNG files with a table of their stamps."""
+
+
+@dataclass(frozen=True)
+class Video(Pictures):
+    """MP4 (H.264) that plays in a browser."""
+
+    speed: float = 1.0
+    """As a share of real time: 0.1 is ten times slower."""
+
+
+@dataclass(frozen=True)
+class Gif(Pictures):
+    """A GIF that loops; at most 50 frames a second."""
+
+    speed: float = 1.0
+    """As a share of real time: 0.1 is ten times slower."""
+
+
+@dataclass(frozen=True)
+class Arrays(Source):
+    """Numbers as NPZ or HDF5, by the ending of --out."""
+
+    what: tuple[Literal["frames", "voxels", "camera", "attention", "states"], ...] = ("frames", "voxels")
+    queries: tuple[str, ...] = ()
+    """Pixels X,Y whose attention rows are written."""
+    sites: tuple[str, ...] = ()
+    """Attention sites, e.g. scale1.encoder.2.self; default: all."""
+
+
+@dataclass(frozen=True)
+class Csv(Source):
+    """The numbers of every window: events, polarity, frame statistics, errors against the camera."""
+
+
+@dataclass(frozen=True)
+class Page(Source):
+    """One HTML file that opens from disk with the network off: everything at hand, nothing to install."""
+
+    also: tuple[str, ...] = ()
+    """More models, each shown in a lane of its own beside --model."""
+    title: str | None = None
+    """Default: the recording's name."""
+    queries: tuple[int, int] = (6, 4)
+    """Columns and rows of the grid of query pixels."""
+    megabytes: float = 15.0
+    """How large the file may become."""
+    gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
+    """Display gamma; default: what the model's card says (1 = as the network gives it)."""
+
+
+@dataclass(frozen=True)
+class SessionFile(Source):
+    """JSON with the hashes of recording, weights and frames, and what else decides their bits (`etnet replay`)."""
+
+    intervention: str | None = None
+    """JSON, e.g. '{"removed_scales": [3]}'."""
+    at: int = 0
+    """The window from which the intervention holds."""
+
+
+Export = (
+    Annotated[Video, tyro.conf.subcommand("video")]
+    | Annotated[Gif, tyro.conf.subcommand("gif")]
+    | Annotated[Frames, tyro.conf.subcommand("frames")]
+    | Annotated[Arrays, tyro.conf.subcommand("arrays")]
+    | Annotated[Csv, tyro.conf.subcommand("csv")]
+    | Annotated[Page, tyro.conf.subcommand("page")]
+    | Annotated[SessionFile, tyro.conf.subcommand("session")]
+)
+
+
+def run(config: Any) -> int:
+    """Do it; returns the exit code."""
+    config.out.resolve().parent.mkdir(parents=True, exist_ok=True)
+    with _taken(config) as (take, policy), progress_callback("exporting") as progress:
+        said = _write(config, take, policy, progress)
+    console.print(f"wrote {config.out}: {said}", markup=False)
+    return 0
+
+
+def parse_range(text: str | None, length: int) -> tuple[int, int]:
+    """`FROM:TO` → two indices; negative ones count from the end, as in Python."""
+    if text is None:
+        return 0, length
+    try:
+        first, last = (int(part) if part.strip() else None for part in text.split(":"))
+    except ValueError:
+        raise WindowError(f"range {text!r} is not understood; write FROM:TO, e.g. 10:50, 10: or :50") from None
+    start, stop, _ = slice(first, last).indices(length)
+    if start >= stop:
+        raise WindowError(f"range {text} holds none of the {length} windows")
+    return start, stop
+
+
+@contextmanager
+def _taken(config: Source) -> Generator[tuple[Take, Policy]]:
+    from etnet.export.take import Take
+    from etnet.nets.weights import load_model
+    from etnet.playback.playback import Playback
+    from etnet.windows import plan_windows
+
+    with open_with_progress(config.file, config.opening) as recording:
+        for remark in recording.remarks:
+            console.print(str(remark), style="dim", markup=False)
+        policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
+        model = load_model(config.model, config.device, config.precision)
+        windows = plan_windows(recording, policy)
+        start, stop = parse_range(config.range, len(windows))
+        yield Take(Playback(model, recording, windows, MEMORY), start, stop), policy
+
+
+def _write(config: Source, take: Take, policy: Policy, progress: Progress) -> str:
+    match config:
+        case Video() | Gif():
+            from etnet.export.video import write_gif, write_video
+
+            write = write_video if isinstance(config, Video) else write_gif
+            return f"{write(take, config.out, _look(config, take), config.speed, progress)} frames"
+        case Frames():
+            from etnet.export.frames import write_frames
+
+            return f"{write_frames(take, config.out, _look(config, take), progress)} pictures"
+        case Arrays():
+            from etnet.export.arrays import ArraysChoice, write_arrays
+
+            choice = ArraysChoice(config.what, parse_queries(config.queries), config.sites)
+            return f"{write_arrays(take, config.out, choice, progress)} windows"
+        case Csv():
+            from etnet.export.table import write_table
+
+            return f"{write_table(take, config.out, progress)} rows"
+        case Page():
+            return _write_page(config, take, policy, progress)
+        case SessionFile():
+            return _write_session(config, take, policy, progress)
+    raise AssertionError(config)
+
+
+def _write_page(config: Page, take: Take, policy: Policy, progress: Progress) -> str:
+    from etnet.export.page import PageConfig, write_page
+    from etnet.nets.weights import load_model
+
+    others = tuple(load_model(name, config.device, config.precision) for name in config.also)
+    page = PageConfig(
+        title=config.title or take.recording.name,
+        query_grid=config.queries,
+        budget_bytes=round(config.megabytes * 1e6),
+        gamma=config.gamma if config.gamma is not None else card_gamma(take.playback.model),
+    )
+    size = write_page(take, policy, config.out, page, others, progress)
+    return f"{len(take)} windows, {size / 1e6:.1f} MB; open it in a browser"
+
+
+def _write_session(config: SessionFile, take: Take, policy: Policy, progress: Progress) -> str:
+    from etnet.export.session_file import Change, parse_intervention, record_session, write_session
+
+    change = None
+    if config.intervention is not None:
+        try:
+            change = Change(config.at, parse_intervention(json.loads(config.intervention)))
+        except (ValueError, AttributeError) as slip:
+            raise EtnetError(f"--intervention is not a JSON object ({slip})") from None
+    session = record_session(take, policy, change, progress=progress)
+    write_session(session, config.out)
+    return f"{len(session.frames)} frames; check them with etnet replay {config.out.name} --check"
+
+
+def parse_queries(texts: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
+    """`X,Y` → pixels."""
+    try:
+        return tuple((int(x), int(y)) for x, y in (text.split(",") for text in texts))
+    except ValueError:
+        raise EtnetError(f"queries {' '.join(texts)} are not understood; write pixels as X,Y, e.g. 120,90") from None
+
+
+def card_gamma(model: Any) -> float:
+    """The display gamma that a model's card asks for; 1 without one."""
+    return float(getattr(model, "card", {}).get("display_gamma", 1.0))
+
+
+def _look(config: Pictures, take: Take):
+    from etnet.export.pictures import Look
+
+    gamma = config.gamma if config.gamma is not None else card_gamma(take.playback.model)
+    return Look(config.panels, gamma, config.scale, config.stamps)

@@ -1,0 +1,53 @@
+"""`etnet train`: train a network on clips that are simulated on the fly, or take up a run, or export its weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from etnet.cli.progress import console
+
+if TYPE_CHECKING:
+    from etnet.cli.train_options import Train
+
+
+def parse(arguments: Sequence[str], program: str) -> Train:
+    """The options; apart from `run`, because the recipes they come from need torch."""
+    from etnet.cli.train_options import parse
+
+    return parse(arguments, program)
+
+
+def run(config: Train) -> int:
+    """Train or export; returns the exit code."""
+    if config.export is not None:
+        return _export(config.train.out, config.export, config.best)
+    from etnet.training.distributed import joined
+    from etnet.training.loop import train
+
+    with joined() as world:
+        report = _say if world.leads else None
+        done = train(config.train, world, report, config.changed)
+    if done.world.leads:
+        console.print(f"{config.train.out}: {done.update} updates, best validation LPIPS {done.best:.4f}")
+    return 0
+
+
+def _export(folder: Path, target: Path, best: bool) -> int:
+    from etnet.nets.weights import save_weights
+    from etnet.training.export import exported
+
+    model, card = exported(folder, best)
+    save_weights(model, target, card)
+    console.print(f"{target}: {card['title']}, best validation LPIPS {card['best_validation_lpips']:.4f}")
+    return 0
+
+
+def _say(kind: str, update: int, numbers: dict[str, Any]) -> None:
+    if kind == "validation":
+        conditions = "  ".join(f"{name} {value:.4f}" for name, value in numbers["lpips"].items())
+        console.print(f"{update:>7}  validation LPIPS  {conditions}  grey {numbers['lpips_grey']:.4f}")
+    else:
+        names = ("total", "perceptual", "l1", "gradient_norm", "seconds_per_update")
+        console.print(f"{update:>7}  " + "  ".join(f"{name} {numbers[name]:.4f}" for name in names))

@@ -1,0 +1,177 @@
+"""Numbers as they are: frames, voxel grids, attention rows and states as NPZ or HDF5, never all in memory at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from torch import Tensor
+
+from etnet.errors import EtnetError, ModelError
+from etnet.export.take import IsCancelled, Moment, Progress, Take
+from etnet.nets.attention import AttentionProbe
+from etnet.nets.padding import TokenGrid
+from etnet.reconstruction import window_voxel
+
+ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
+
+
+@dataclass(frozen=True, slots=True)
+class ArraysChoice:
+    """Which arrays, and for attention the pixels (x, y) that look and the sites (all when none are named)."""
+
+    names: tuple[ArrayName, ...] = ("frames", "voxels")
+    queries: tuple[tuple[int, int], ...] = ()
+    sites: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.names:
+            raise EtnetError("no array was chosen; choose from frames, voxels, camera, attention, states")
+        if "attention" in self.names and not self.queries:
+            raise EtnetError("attention rows need at least one query pixel; name one, e.g. --queries 120,90")
+
+    @property
+    def probe(self) -> AttentionProbe | None:
+        """What has to be kept of each step."""
+        if "attention" not in self.names:
+            return None
+        return AttentionProbe(frozenset(self.sites) if self.sites else None)
+
+
+class ArraySink(Protocol):
+    """Takes the rows of named arrays, one moment after the other."""
+
+    def __call__(self, name: str, row: np.ndarray) -> None:
+        """Append one row; all rows of a name have the same shape and type."""
+        ...
+
+
+def write_arrays(
+    take: Take,
+    path: Path,
+    choice: ArraysChoice,
+    progress: Progress | None = None,
+    is_cancelled: IsCancelled | None = None,
+) -> int:
+    """One array a name, first axis the window; `window`, `t_start` and `t_stop` (µs) say which. By suffix, .npz or .h5.
+
+    "attention/<site>" is "n queries heads tokens", rows that sum to 1; "state/<i>" the memory after the window.
+    """
+    facts = {
+        "recording": take.recording.name,
+        "sensor": [take.recording.sensor.width, take.recording.sensor.height],
+        "model": take.playback.model.name,
+        "queries": [list(query) for query in choice.queries],
+    }
+    with _opened(path, len(take), facts) as append:
+        for moment in take.moments(choice.probe, progress, is_cancelled):
+            append("window", np.array(moment.window.index, np.int64))
+            append("t_start", np.array(moment.window.t_start, np.int64))
+            append("t_stop", np.array(moment.window.t_stop, np.int64))
+            for name, row in _rows(take, moment, choice):
+                append(name, row)
+    return len(take)
+
+
+def _rows(take: Take, moment: Moment, choice: ArraysChoice) -> Generator[tuple[str, np.ndarray]]:
+    if "frames" in choice.names:
+        yield "frames", moment.frame
+    if "voxels" in choice.names:
+        yield "voxels", _numpy(window_voxel(take.playback.model, take.recording, moment.window))
+    if "camera" in choice.names:
+        if moment.camera is None:
+            raise EtnetError(f"{take.recording.name}: has no camera frames to export; leave camera out")
+        yield "camera", moment.camera
+    if "states" in choice.names:
+        for i, tensor in enumerate(moment.step.state):
+            yield f"state/{i}", _numpy(tensor[0])
+    if "attention" in choice.names:
+        attention = moment.step.attention
+        if attention is None or not (choice.sites or attention.sites):
+            raise ModelError(f"{take.playback.model.name}: has no attention to export; leave attention out")
+        tokens = query_tokens(attention.grid, choice.queries)
+        for site in choice.sites or attention.sites:
+            yield f"attention/{site}", _numpy(attention.rows(site, tokens).transpose(0, 1))
+
+
+def query_tokens(grid: TokenGrid, queries: Sequence[tuple[int, int]]) -> list[int]:
+    """The tokens over pixels (x, y); a pixel outside the sensor is an error that names it."""
+    try:
+        return [grid.token_at(x, y) for x, y in queries]
+    except ValueError as slip:
+        raise EtnetError(f"query {slip}") from None
+
+
+def _numpy(tensor: Tensor) -> np.ndarray:
+    return tensor.float().cpu().numpy()
+
+
+def _opened(path: Path, length: int, facts: Mapping[str, Any]) -> AbstractContextManager[ArraySink]:
+    if path.suffix == ".npz":
+        return _npz(path, length, facts)
+    if path.suffix in (".h5", ".hdf5"):
+        return _hdf5(path, length, facts)
+    raise EtnetError(f"{path.name}: arrays are written as .npz or .h5; give the file one of these endings")
+
+
+@contextmanager
+def _npz(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySink]:
+    """Rows go to memory-mapped files beside the target, which are then packed: memory stays flat."""
+    folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f"{path.name}."))
+    arrays: dict[str, np.memmap] = {}
+    filled: dict[str, int] = {}
+
+    def sink(name: str, row: np.ndarray) -> None:
+        if name not in arrays:
+            file = folder / f"{len(arrays)}.npy"
+            arrays[name] = np.lib.format.open_memmap(file, "w+", row.dtype, (length, *row.shape))
+        arrays[name][filled.setdefault(name, 0)] = row
+        filled[name] += 1
+
+    try:
+        yield sink
+        packed = folder / "packed"
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for i, (name, array) in enumerate(arrays.items()):
+                array.flush()
+                archive.write(folder / f"{i}.npy", f"{name}.npy")
+            with archive.open("facts.npy", "w") as file:
+                np.lib.format.write_array(file, np.array(json.dumps(facts)))
+        os.replace(packed, path)
+    finally:
+        arrays.clear()
+        shutil.rmtree(folder)
+
+
+@contextmanager
+def _hdf5(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySink]:
+    import h5py
+
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    filled: dict[str, int] = {}
+    try:
+        with h5py.File(temporary, "w") as file:
+            file.attrs["facts"] = json.dumps(facts)
+
+            def sink(name: str, row: np.ndarray) -> None:
+                if name not in filled:
+                    shape = (length, *row.shape)
+                    packing = {"chunks": (1, *row.shape), "compression": "gzip", "compression_opts": 1}
+                    file.create_dataset(name, shape, row.dtype, **(packing if row.ndim else {}))
+                    filled[name] = 0
+                file[name][filled[name]] = row  # pyright: ignore[reportIndexIssue]
+                filled[name] += 1
+
+            yield sink
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,31 @@
+"""A folder of PNG files with a table of their stamps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from etnet.export.images import write_atomically, write_png
+from etnet.export.pictures import Look, draw
+from etnet.export.take import IsCancelled, Progress, Take
+
+
+def write_frames(
+    take: Take,
+    folder: Path,
+    look: Look,
+    progress: Progress | None = None,
+    is_cancelled: IsCancelled | None = None,
+) -> int:
+    """`frame_000000.png` … numbered by window, and `stamps.csv`; each file whole or not at all.
+
+    The table is written last: a folder without it was stopped.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    stamps = ["frame,stamp_us,start_us,num_events"]
+    for moment in take.moments(progress=progress, is_cancelled=is_cancelled):
+        picture = draw(moment, look, len(take.playback))
+        window = moment.window
+        write_png(folder / f"frame_{window.index:06d}.png", picture)
+        stamps.append(f"{window.index},{window.t_stop},{window.t_start},{window.num_events}")
+    write_atomically(folder / "stamps.csv", ("\n".join(stamps) + "\n").encode())
+    return len(take)

@@ -1,0 +1,97 @@
+"""What one frame of a video or one PNG shows: panels side by side, enlarged, with or without a line of stamps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from etnet.errors import EtnetError, RecordingError
+from etnet.export.images import to_uint8
+from etnet.export.take import Moment
+from etnet.render.colours import GROUND
+from etnet.render.events import event_image
+
+PanelName = Literal["events", "reconstruction", "camera"]
+GAP = 2
+"""Pixels of ground between two panels."""
+STAMP_COLOUR = (236, 238, 242)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How moments are drawn. The reconstruction alone, unscaled and without stamps, is grey; all else is colour."""
+
+    panels: tuple[PanelName, ...] = ("reconstruction",)
+    gamma: float = 1.0
+    """Display gamma of the reconstruction and the camera's frame."""
+    scale: int = 1
+    """Whole pixels on a pixel's side."""
+    has_stamps: bool = False
+    """A line below the picture: seconds, window, events."""
+
+    def __post_init__(self) -> None:
+        if not self.panels:
+            raise EtnetError("no panel is to be shown; choose from events, reconstruction, camera")
+        if not 1 <= self.scale <= 16:
+            raise EtnetError(f"scale is {self.scale}; it takes a whole number from 1 to 16")
+        if not 0.1 <= self.gamma <= 10:
+            raise EtnetError(f"display gamma is {self.gamma:g}; it takes a number from 0.1 to 10")
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether pictures have one channel."""
+        return set(self.panels) <= {"reconstruction", "camera"}
+
+
+Picture = UInt8[np.ndarray, "h w"] | UInt8[np.ndarray, "h w 3"]
+
+
+def draw(moment: Moment, look: Look, num_windows: int) -> Picture:
+    """The picture of one moment; all pictures of one take and look have the same size."""
+    panels = [_panel(moment, name, look) for name in look.panels]
+    ground = GROUND[0] if look.is_grey else np.array(GROUND, np.uint8)
+    picture = panels[0]
+    for panel in panels[1:]:
+        gap = np.full((picture.shape[0], GAP, *picture.shape[2:]), ground, np.uint8)
+        picture = np.concatenate([picture, gap, panel], axis=1)
+    if look.scale > 1:
+        picture = picture.repeat(look.scale, axis=0).repeat(look.scale, axis=1)
+    return _stamped(picture, moment, num_windows) if look.has_stamps else picture
+
+
+def _panel(moment: Moment, name: PanelName, look: Look) -> Picture:
+    sensor = moment.recording.sensor
+    if name == "events":
+        return event_image(moment.events, "polarity", moment.window.t_start, moment.window.t_stop)[0]
+    if name == "reconstruction":
+        grey = to_uint8(moment.frame, look.gamma)
+    else:
+        if moment.camera is None:
+            raise RecordingError(
+                f"{moment.recording.name}: has no camera frames to show; leave the camera panel out, "
+                "or choose a recording with frames"
+            )
+        grey = to_uint8(moment.camera, look.gamma)
+        if grey.shape != (sensor.height, sensor.width):
+            grey = cv2.resize(grey, (sensor.width, sensor.height), interpolation=cv2.INTER_AREA)
+    return grey if look.is_grey else grey[..., None].repeat(3, axis=2)
+
+
+def _stamped(picture: Picture, moment: Moment, num_windows: int) -> Picture:
+    """A strip below the picture, so that no pixel of it is hidden. Its letters shrink until the line fits."""
+    width = picture.shape[1]
+    line = f"{moment.seconds:.3f} s   {moment.window.index + 1}/{num_windows}   {moment.window.num_events:,} events"
+    size = 0.6
+    while size > 0.3 and cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] > width - 8:
+        size -= 0.05
+    height = round(40 * size)
+    strip = np.full((height, width, *picture.shape[2:]), GROUND[0], np.uint8)
+    if picture.ndim == 3:
+        strip[:] = GROUND
+    colour = STAMP_COLOUR if picture.ndim == 3 else STAMP_COLOUR[:1]
+    cv2.putText(strip, line, (4, round(height * 0.7)), cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    return np.concatenate([picture, strip], axis=0)

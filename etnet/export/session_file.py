@@ -1,0 +1,235 @@
+"""A session file: all that decides the bits of some frames, and the frames' hashes, so that another run can be held
+against it. It carries names and hashes, never a path.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.events.recording import Recording
+from etnet.export.images import write_atomically
+from etnet.export.take import IsCancelled, Progress, Take
+from etnet.nets.intervention import Intervention
+from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
+from etnet.playback.playback import Playback
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy, plan_windows
+
+FORMAT = "etnet-session-1"
+READ_EVENTS = 1 << 20
+"""Events hashed at a time."""
+_POLICIES: dict[str, type[Policy]] = {kind.__name__: kind for kind in (BetweenFrames, ByCount, ByDuration, ByDensity)}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """An intervention that holds from window `at` on."""
+
+    at: int
+    intervention: Intervention
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """Windows `start` … `start + len(frames)` − 1 of a recording under a model, as they came out under `contract`."""
+
+    recording: str
+    """The file's name, to look for it."""
+    events_sha256: str
+    model: str
+    weights_sha256: str
+    policy: Policy
+    start: int
+    frames: tuple[str, ...]
+    """SHA-256 of each raw frame (fp32, little endian)."""
+    contract: Contract
+    change: Change | None = None
+    seeds: Mapping[str, int] = field(default_factory=dict)
+    """What was drawn at random before the events were there (a simulator's); rendering draws nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a check found: windows whose frames differ, and where the contracts do, in words."""
+
+    num_frames: int
+    differing: tuple[int, ...]
+    contract_differences: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether every frame came out again to the bit."""
+        return not self.differing
+
+
+def record_session(
+    take: Take,
+    policy: Policy,
+    change: Change | None = None,
+    seeds: Mapping[str, int] | None = None,
+    progress: Progress | None = None,
+    is_cancelled: IsCancelled | None = None,
+) -> Session:
+    """Render the take and write down what made it."""
+    model: Any = take.playback.model
+    recording = take.recording
+    return Session(
+        recording=recording.path.name if recording.path is not None else recording.name,
+        events_sha256=events_sha256(recording),
+        model=take.playback.model.name,
+        weights_sha256=weights_sha256(model),
+        policy=policy,
+        start=take.start,
+        frames=_frame_hashes(take, change, progress, is_cancelled),
+        contract=contract_of(model),
+        change=change,
+        seeds=dict(seeds or {}),
+    )
+
+
+def check_session(
+    session: Session,
+    recording: Recording,
+    model: nn.Module,
+    progress: Progress | None = None,
+    is_cancelled: IsCancelled | None = None,
+) -> Verdict:
+    """Render again, under as much of the session's contract as this machine can take on, and compare every frame.
+
+    Another recording or other weights are an error: their frames could not be compared.
+    """
+    if (found := events_sha256(recording)) != session.events_sha256:
+        raise RecordingError(
+            f"{recording.name}: its events hash to {found[:12]}…, the session's to {session.events_sha256[:12]}…; "
+            "it is another recording, or seen through another --opening.view"
+        )
+    if (found := weights_sha256(model)) != session.weights_sha256:
+        raise WeightsError(
+            f"{model.name}: its weights hash to {found[:12]}…, the session's to {session.weights_sha256[:12]}…; "
+            "give the weights file that the session was made with"
+        )
+    playback = Playback(model, recording, plan_windows(recording, session.policy))  # pyright: ignore[reportArgumentType]
+    with adopted(session.contract, model) as contract:
+        take = Take(playback, session.start, session.start + len(session.frames))
+        frames = _frame_hashes(take, session.change, progress, is_cancelled)
+    pairs = enumerate(zip(session.frames, frames, strict=True), session.start)
+    differing = tuple(i for i, (there, here) in pairs if there != here)
+    return Verdict(len(frames), differing, contract_differences(session.contract, contract))
+
+
+def contract_differences(there: Contract, here: Contract) -> tuple[str, ...]:
+    """One line for each point in which two contracts differ."""
+
+    def points(contract: Contract) -> dict[str, object]:
+        listed = dataclasses.asdict(contract)
+        return {**listed.pop("runtime"), **listed}
+
+    ours = points(here)
+    return tuple(
+        f"{name}: {value} there, {ours[name]} here" for name, value in points(there).items() if value != ours[name]
+    )
+
+
+@contextmanager
+def adopted(contract: Contract, model: nn.Module) -> Generator[Contract]:
+    """Run under `contract`'s precision, attention path, memory format and threads; gives the contract that results."""
+    before: Runtime = model.runtime  # pyright: ignore[reportAssignmentType, reportAttributeAccessIssue]
+    threads = torch.get_num_threads()
+    try:
+        apply_runtime(model, contract.runtime)
+        torch.set_num_threads(contract.threads)
+        yield contract_of(model)
+    finally:
+        apply_runtime(model, before)
+        torch.set_num_threads(threads)
+
+
+def events_sha256(recording: Recording) -> str:
+    """A hash of size and events (x, y, p and t from the first), the same in whatever format they are stored."""
+    digest = hashlib.sha256(f"{recording.sensor.width} {recording.sensor.height} {recording.num_events}".encode())
+    for start in range(0, recording.num_events, READ_EVENTS):
+        events = recording.read(start, min(start + READ_EVENTS, recording.num_events))
+        for column, kind in (
+            (events.x, "<u2"),
+            (events.y, "<u2"),
+            (events.t - recording.span.start, "<i8"),
+            (events.p, "i1"),
+        ):
+            digest.update(np.ascontiguousarray(column, kind).tobytes())
+    return digest.hexdigest()
+
+
+def weights_sha256(model: nn.Module) -> str:
+    """A hash of a network's configuration and weights, whatever file and order they came in."""
+    config: Any = getattr(model, "config", None)
+    digest = hashlib.sha256(f"{type(model).__name__} {config!r}".encode())
+    for name, tensor in sorted(model.state_dict().items()):
+        digest.update(f"{name} {tuple(tensor.shape)}".encode())
+        digest.update(tensor.detach().float().cpu().contiguous().numpy().astype("<f4").tobytes())
+    return digest.hexdigest()
+
+
+def write_session(session: Session, path: Path) -> None:
+    """Write a session as JSON, whole or not at all."""
+    content = {"format": FORMAT, **dataclasses.asdict(session)}
+    content["policy"] = {"kind": type(session.policy).__name__, **dataclasses.asdict(session.policy)}
+    write_atomically(path, (json.dumps(content, indent=1, default=sorted) + "\n").encode())
+
+
+def read_session(path: Path) -> Session:
+    """A session from its file; a file that is none is an error that says what is wrong with it."""
+    try:
+        content = json.loads(path.read_bytes())
+        if content.pop("format") != FORMAT:
+            raise ValueError(f"its format is not {FORMAT}")
+        policy = content.pop("policy")
+        contract = content.pop("contract")
+        change = content.pop("change")
+        return Session(
+            policy=_POLICIES[policy.pop("kind")](**policy),
+            contract=Contract(**{**contract, "runtime": Runtime(**contract["runtime"])}),
+            change=None if change is None else Change(int(change["at"]), parse_intervention(change["intervention"])),
+            frames=tuple(map(str, content.pop("frames"))),
+            **content,
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as slip:
+        raise EtnetError(f"{path.name}: is not a session file ({slip}); write one with etnet export session") from None
+
+
+def parse_intervention(content: Mapping[str, Any]) -> Intervention:
+    """An intervention from plain values: lists become sets; what is left out stays as it is in the original."""
+
+    def value(given: Any) -> Any:
+        return (
+            frozenset(tuple(item) if isinstance(item, list) else item for item in given)
+            if isinstance(given, list)
+            else given
+        )
+
+    try:
+        return Intervention(**{name: value(given) for name, given in content.items()})
+    except TypeError as slip:
+        known = ", ".join(entry.name for entry in dataclasses.fields(Intervention))
+        raise EtnetError(f"intervention is not understood ({slip}); it takes {known}") from None
+
+
+def _frame_hashes(
+    take: Take, change: Change | None, progress: Progress | None, is_cancelled: IsCancelled | None
+) -> tuple[str, ...]:
+    if change is not None:
+        take = Take(take.playback.branch(change.at, change.intervention), take.start, take.stop)
+    return tuple(
+        hashlib.sha256(np.ascontiguousarray(moment.frame, "<f4").tobytes()).hexdigest()
+        for moment in take.moments(progress=progress, is_cancelled=is_cancelled)
+    )

@@ -1,0 +1,76 @@
+"""The numbers of every window as CSV: events, polarity, density, frame statistics and, with a camera, the errors."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from etnet.evaluation.metrics import SSIM_PAPER, mean_squared_error, structural_similarity
+from etnet.export.images import write_atomically
+from etnet.export.take import IsCancelled, Moment, Progress, Take
+
+COLUMNS = (
+    "window", "t_start_us", "t_stop_us", "seconds", "num_events", "events_per_second", "events_per_pixel", "on_share",
+    "active_share", "frame_mean", "frame_std", "camera_stamp_us", "mse", "ssim",
+)  # fmt: skip
+"""In this order; what a recording cannot tell is left empty."""
+
+
+def window_numbers(moment: Moment) -> dict[str, float | int | None]:
+    """One row. Rates are per second, shares 0 … 1; mse and ssim compare the frame, clipped to 0 … 1, with the camera's
+    frame nearest to the stamp (SSIM as ET-Net's code computes it), with no matching of brightness.
+    """
+    window, events, sensor = moment.window, moment.events, moment.recording.sensor
+    duration = max(window.t_stop - window.t_start, 1) / 1e6
+    pixels = np.unique(events.y.astype(np.int64) * sensor.width + events.x)
+    mse, ssim, stamp = camera_errors(moment)
+    return {
+        "window": window.index,
+        "t_start_us": window.t_start,
+        "t_stop_us": window.t_stop,
+        "seconds": moment.seconds,
+        "num_events": window.num_events,
+        "events_per_second": window.num_events / duration,
+        "events_per_pixel": window.num_events / sensor.num_pixels,
+        "on_share": float((events.p > 0).mean()) if len(events) else None,
+        "active_share": len(pixels) / sensor.num_pixels,
+        "frame_mean": float(moment.frame.mean()),
+        "frame_std": float(moment.frame.std()),
+        "camera_stamp_us": stamp,
+        "mse": mse,
+        "ssim": ssim,
+    }
+
+
+def camera_errors(moment: Moment) -> tuple[float | None, float | None, int | None]:
+    """MSE and SSIM against the nearest camera frame, and its stamp; `None` without one of the frame's size."""
+    truth, camera = moment.recording.ground_truth, moment.camera
+    if truth is None or camera is None or camera.shape != moment.frame.shape:
+        return None, None, None
+    stamp = int(truth.stamps[truth.nearest(moment.window.t_stop)])
+    frame = torch.from_numpy(moment.frame.clip(0, 1))[None, None]
+    target = torch.from_numpy(np.ascontiguousarray(camera))[None, None]
+    ssim = float(structural_similarity(frame, target, SSIM_PAPER)) if min(camera.shape) >= SSIM_PAPER.side else None
+    return float(mean_squared_error(frame, target)), ssim, stamp
+
+
+def write_table(
+    take: Take, path: Path, progress: Progress | None = None, is_cancelled: IsCancelled | None = None
+) -> int:
+    """One row a window, six significant digits, whole or not at all."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for moment in take.moments(progress=progress, is_cancelled=is_cancelled):
+        numbers = window_numbers(moment)
+        writer.writerow([_cell(numbers[name]) for name in COLUMNS])
+    write_atomically(path, text.getvalue().encode())
+    return len(take)
+
+
+def _cell(value: float | int | None) -> str:
+    return "" if value is None else str(value) if isinstance(value, int) else f"{value:.6g}"

@@ -1,0 +1,1 @@
+"""What the inspectors show, as arrays with named axes: attention, state, input, and what they do to a pixel."""

@@ -1,0 +1,1 @@
+"""Train a network on clips that are simulated on the fly."""

@@ -1,0 +1,92 @@
+"""Checkpoints that are whole or not there at all, from which a run goes on to the same bits."""
+
+from __future__ import annotations
+
+import copy
+import os
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from etnet.training.config import TrainConfig, TrainingError
+
+LAST = "last.pt"
+BEST = "best.pt"
+
+
+class RunningMean:
+    """An exponential moving average of a network's weights, quick at first: min(share, (1 + n) / (10 + n))."""
+
+    def __init__(self, model: nn.Module, share: float) -> None:
+        self.share = share
+        self.weights = {name: value.detach().clone() for name, value in model.state_dict().items()}
+
+    @torch.no_grad()
+    def take(self, model: nn.Module, update: int) -> None:
+        """Move towards the model's weights after its `update`-th update (from 1)."""
+        share = min(self.share, (1 + update) / (10 + update))
+        for name, value in model.state_dict().items():
+            self.weights[name].lerp_(value, 1 - share)
+
+    def model(self, model: nn.Module) -> nn.Module:
+        """A copy of the model with the averaged weights."""
+        averaged = copy.deepcopy(model)
+        averaged.load_state_dict(self.weights)
+        return averaged.eval()
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """All that the rest of a run depends on, beside its config. `update` counts updates done."""
+
+    update: int
+    config: dict[str, Any]
+    weights: Mapping[str, Tensor]
+    averaged: Mapping[str, Tensor]
+    optimiser: dict[str, Any]
+    memory: tuple[Tensor, ...]
+    """The recurrent state carried to the next update, of all processes' clips; empty before the first update."""
+    best: float
+    """Lowest validation LPIPS so far."""
+
+
+def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
+    """Write beside, flush to the disk, then rename: a kill at any moment leaves the old file or the new one."""
+    temporary = path.with_suffix(".tmp")
+    try:
+        with open(temporary, "wb") as file:
+            torch.save({name: getattr(checkpoint, name) for name in checkpoint.__dataclass_fields__}, file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint; runs no code that it may hold."""
+    try:
+        return Checkpoint(**torch.load(path, map_location="cpu", weights_only=True))
+    except (OSError, RuntimeError, EOFError, TypeError, pickle.UnpicklingError) as error:
+        raise TrainingError(f"{path}: not a checkpoint of a run ({error}); remove it or name another folder") from error
+
+
+CHANGEABLE = ("out", "validation", "threads", "log_every", "checkpoint_every", "start", "initialise")
+"""Fields that may differ when a run is taken up: they change no weight that is still to come."""
+
+
+def check_same_run(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> None:
+    """Raise unless the checkpoint was made under this config (`CHANGEABLE` fields aside)."""
+    now = config.as_plain()
+    changed = [name for name in now if name not in CHANGEABLE and now[name] != checkpoint.config.get(name)]
+    if changed:
+        raise TrainingError(
+            f"{path}: was made with another {', '.join(changed)}; give the same, another --out, "
+            "or go on from it on purpose with --changed"
+        )

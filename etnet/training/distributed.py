@@ -1,0 +1,73 @@
+"""Several processes that train one network (torchrun; gloo or nccl): each has its own clips, all the same weights."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, distributed, nn
+
+from etnet.training.config import TrainingError
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """This process among all."""
+
+    rank: int = 0
+    size: int = 1
+
+    @property
+    def leads(self) -> bool:
+        """Whether this process writes logs and checkpoints."""
+        return self.rank == 0
+
+    def lanes(self, clips: int) -> range:
+        """Which of an update's clips are this process's."""
+        if clips % self.size:
+            raise TrainingError(f"a stage has {clips} clips an update; that does not divide by {self.size} processes")
+        share = clips // self.size
+        return range(self.rank * share, (self.rank + 1) * share)
+
+    def average_gradients(self, parameters: Iterable[nn.Parameter]) -> None:
+        """The mean of every gradient over all processes, in one message. All must have the same ones."""
+        if self.size == 1:
+            return
+        gradients = [parameter.grad for parameter in parameters if parameter.grad is not None]
+        flat = torch.cat([gradient.flatten() for gradient in gradients])
+        distributed.all_reduce(flat)
+        flat /= self.size
+        start = 0
+        for gradient in gradients:
+            gradient.copy_(flat[start : start + gradient.numel()].view_as(gradient))
+            start += gradient.numel()
+
+    def gathered(self, own: Tensor) -> Tensor:
+        """Every process's rows, in the order of ranks."""
+        if self.size == 1:
+            return own
+        parts = [torch.empty_like(own) for _ in range(self.size)]
+        distributed.all_gather(parts, own.contiguous())
+        return torch.cat(parts)
+
+    def wait(self) -> None:
+        """Until every process is here."""
+        if self.size > 1:
+            distributed.barrier()
+
+
+@contextmanager
+def joined() -> Iterator[World]:
+    """The world that torchrun's environment describes; one process alone without it."""
+    size = int(os.environ.get("WORLD_SIZE", "1"))
+    if size == 1:
+        yield World()
+        return
+    distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    try:
+        yield World(distributed.get_rank(), size)
+    finally:
+        distributed.destroy_process_group()

@@ -1,0 +1,99 @@
+"""The training loop: update after update; now and then log, validate and save."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+
+from etnet.nets.etnet import ETNet
+from etnet.nets.precision import bf16_is_worth_trying
+from etnet.training.checkpoint import BEST, LAST, save_checkpoint
+from etnet.training.config import TrainConfig, TrainingError
+from etnet.training.data import stretches
+from etnet.training.distributed import World
+from etnet.training.log import RunLog
+from etnet.training.run import Run, begin, resume
+from etnet.training.validate import Film, films_of, validate
+
+Report = Callable[[str, int, dict[str, Any]], None]
+"""Told the kind of a log line ("train", "validation"), the update and the numbers."""
+
+
+def train(config: TrainConfig, world: World | None = None, report: Report | None = None, changed: bool = False) -> Run:
+    """Train to the end of the config's stages, taking up the run in `config.out` where there is one.
+
+    `changed` allows the run to go on under another config than it began with.
+    """
+    world = world or World()
+    torch.set_num_threads(config.threads)
+    if config.precision == "bf16" and not bf16_is_worth_trying():
+        raise TrainingError("precision is bf16, but this machine multiplies bf16 slower than fp32; train with fp32")
+    last = config.out / LAST
+    run = resume(config, world, last, changed) if last.exists() else begin(config, world)
+    journal = Journal(run, report) if world.leads else None
+    lanes = [world.lanes(stage.clips) for stage in config.stages]
+    for stretch in stretches(config, run.update, lanes):
+        run.step(stretch)
+        is_last = run.update == config.updates
+        if journal is not None:
+            journal.after_update(is_last)
+        if run.update % config.checkpoint_every == 0 or is_last:
+            checkpoint = run.checkpoint()
+            if world.leads:
+                save_checkpoint(checkpoint, last)
+            world.wait()
+    return run
+
+
+class Journal:
+    """What the leading process writes down: means since the last line, validation, the best weights."""
+
+    def __init__(self, run: Run, report: Report | None) -> None:
+        self._run = run
+        self._report = report
+        self._films: list[Film] = films_of(run.config)
+        self._log = RunLog(run.config.out, run.update)
+        if run.update == 0:
+            self._log.write("config", 0, {"config": run.config.as_plain()})
+            self._validate()
+        self._clock = time.perf_counter()
+
+    def after_update(self, is_last: bool) -> None:
+        """Log, validate and keep the best, when it is time to."""
+        run, config = self._run, self._run.config
+        if run.update % config.log_every == 0 or is_last:
+            self._tell("train", self._means())
+        every = config.validation.every
+        if every and (run.update % every == 0 or is_last):
+            self._validate()
+            self._clock = time.perf_counter()
+
+    def _means(self) -> dict[str, Any]:
+        recent, now = self._run.recent, time.perf_counter()
+        means = {name: float(np.mean([line[name] for line in recent])) for name in recent[0]}
+        means["seconds_per_update"] = (now - self._clock) / len(recent)
+        recent.clear()
+        self._clock = now
+        return means
+
+    def _validate(self) -> None:
+        run = self._run
+        if not self._films:
+            return
+        averaged = run.averaged.model(run.model)
+        assert isinstance(averaged, ETNet)
+        scores = validate(averaged, self._films, run.config.validation.score_every, run.lpips)
+        self._tell("validation", scores.numbers())
+        self._log.preview(run.update, scores.previews, scores.targets)
+        if scores.lpips["as_is"] < run.best:
+            run.best = scores.lpips["as_is"]
+            save_checkpoint(run.weights_only(), run.config.out / BEST)
+
+    def _tell(self, kind: str, numbers: dict[str, Any]) -> None:
+        self._log.write(kind, self._run.update, numbers)
+        if self._report is not None:
+            self._report(kind, self._run.update, numbers)

@@ -1,0 +1,155 @@
+"""One run: what changes from update to update, how an update is made, how a run begins and is taken up again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from etnet.evaluation.lpips import LPIPS, load_lpips
+from etnet.nets.base import State
+from etnet.nets.etnet import ETNet
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import Runtime, apply_runtime
+from etnet.nets.weights import load_weights
+from etnet.training.checkpoint import Checkpoint, RunningMean, check_same_run, load_checkpoint
+from etnet.training.config import OptimiserConfig, TrainConfig
+from etnet.training.data import Stretch
+from etnet.training.distributed import World
+from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, take_fitting
+from etnet.training.losses import Pairs, Terms, score
+from etnet.training.unroll import Draw, blindfold, draw_update, restart, unroll
+
+
+def learning_rate_at(config: OptimiserConfig, update: int, updates: int) -> float:
+    """The rate of an update (counted from 0): a straight warm-up, then the schedule."""
+    if update < config.warm_up:
+        return config.learning_rate * (update + 1) / config.warm_up
+    if config.schedule == "exponential":
+        return config.learning_rate * config.decay ** (update // config.decay_updates)
+    if config.schedule == "trapezoid":
+        left = min(1.0, (updates - update) / max(1, config.cool_down))
+        return config.learning_rate * (config.final_share + (1 - config.final_share) * left)
+    progress = (update - config.warm_up) / max(1, updates - config.warm_up)
+    share = config.final_share + (1 - config.final_share) * 0.5 * (1 + math.cos(math.pi * min(1.0, progress)))
+    return config.learning_rate * share
+
+
+@dataclass(slots=True)
+class Run:
+    """A run under way: everything that changes from one update to the next."""
+
+    config: TrainConfig
+    world: World
+    model: ETNet
+    averaged: RunningMean
+    optimiser: torch.optim.AdamW
+    lpips: LPIPS
+    update: int = 0
+    state: State | None = None
+    best: float = math.inf
+    recent: list[dict[str, float]] = field(default_factory=list)
+
+    def step(self, stretch: Stretch) -> Terms:
+        """One update."""
+        config = self.config
+        stage, done = config.stage_at(self.update)
+        draw = draw_update(config, self.update, self.world.lanes(config.stages[stage].clips))
+        before = None if done == 0 else restart(self.state, stretch.is_cold)
+        rate = learning_rate_at(config.optimiser, self.update, config.updates)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+
+        with torch.random.fork_rng(devices=[]):
+            # For dropout alone; each process has its own, so with it two processes are not one.
+            torch.manual_seed((config.seed * 1_000_003 + self.update) * 1024 + self.world.rank)
+            terms, state = self._forward(stretch, before, draw)
+        self.optimiser.zero_grad(set_to_none=True)
+        terms.total.backward()
+        self.world.average_gradients(self.model.parameters())
+        norm = nn.utils.clip_grad_norm_(self.model.parameters(), config.optimiser.clip_norm)
+        self.optimiser.step()
+
+        self.update += 1
+        self.state = state.detach()
+        self.averaged.take(self.model, self.update)
+        self.recent.append({**terms.numbers(), "gradient_norm": float(norm), "learning_rate": rate})
+        return terms
+
+    def _forward(self, stretch: Stretch, before: State | None, draw: Draw) -> tuple[Terms, State]:
+        pyramid, state = unroll(self.model, stretch.voxels, before, draw.scored)
+        if draw.blind is not None:
+            pyramid = blindfold(pyramid, draw.blind)
+        frames, _ = self.model.decode(pyramid, intervention=draw.intervention, placement=draw.placement)
+        targets = stretch.frames[list(draw.scored)].flatten(0, 1)
+        return score(frames, targets, self.config.loss, self.lpips, self._pairs(stretch, draw)), state
+
+    def _pairs(self, stretch: Stretch, draw: Draw) -> Pairs | None:
+        """Scored frames that follow each other directly, from window L0 of their clip on."""
+        loss = self.config.loss
+        if not loss.temporal or self.update < loss.temporal_after:
+            return None
+        clips = stretch.voxels.shape[1]
+        found = [
+            (i * clips + lane, (i + 1) * clips + lane, window + 1, lane)
+            for i, window in enumerate(draw.scored[:-1])
+            for lane in range(clips)
+            if draw.scored[i + 1] == window + 1 and stretch.first_window[lane] + window + 1 >= loss.temporal_from
+        ]
+        if not found:
+            return None
+        before, after, windows, lanes = (torch.tensor(column) for column in zip(*found, strict=True))
+        return Pairs(before, after, stretch.flow[windows, lanes])
+
+    def checkpoint(self) -> Checkpoint:
+        """This moment. Every process has to ask for it, as each holds its own clips' memory."""
+        memory = () if self.state is None else tuple(self.world.gathered(tensor) for tensor in self.state.tensors)
+        return replace(self.weights_only(), optimiser=self.optimiser.state_dict(), memory=memory)
+
+    def weights_only(self) -> Checkpoint:
+        """What is worth keeping of this moment, but not enough to go on from."""
+        return Checkpoint(
+            update=self.update,
+            config=self.config.as_plain(),
+            weights=self.model.state_dict(),
+            averaged=self.averaged.weights,
+            optimiser={},
+            memory=(),
+            best=self.best,
+        )
+
+
+def begin(config: TrainConfig, world: World) -> Run:
+    """A run at its start."""
+    generator = torch.Generator().manual_seed(config.seed)
+    model = build_model(config.network, generator)
+    if config.start is not None:
+        without = DEEP_PATH if config.initialise == "local" else ()
+        take_fitting(model, load_weights(config.start).state_dict(), without)
+    if config.initialise == "local":
+        start_locally(model, generator)
+    if config.initialise == "local-attention":
+        start_attention_locally(model, generator)
+    apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
+    model.train()
+    optimiser = torch.optim.AdamW(model.parameters(), weight_decay=config.optimiser.weight_decay)
+    return Run(config, world, model, RunningMean(model, config.optimiser.ema), optimiser, load_lpips())
+
+
+def resume(config: TrainConfig, world: World, path: Path, changed: bool = False) -> Run:
+    """The run that a checkpoint holds, as if it had never stopped. `changed` allows another config from here on."""
+    checkpoint = load_checkpoint(path)
+    if not changed:
+        check_same_run(config, checkpoint, path)
+    run = begin(config, world)
+    run.model.load_state_dict(checkpoint.weights)
+    run.averaged.weights = dict(checkpoint.averaged)
+    run.optimiser.load_state_dict(checkpoint.optimiser)
+    run.update, run.best = checkpoint.update, checkpoint.best
+    lanes = world.lanes(checkpoint.memory[0].shape[0]) if checkpoint.memory else range(0)
+    own = tuple(tensor[lanes.start : lanes.stop].clone() for tensor in checkpoint.memory)
+    run.state = State(own) if own else None
+    return run

@@ -1,0 +1,64 @@
+import pytest
+
+from etnet.bundled import samples
+from etnet.cli.export import parse_queries
+from etnet.cli.main import main
+from etnet.errors import EtnetError
+from etnet.nets.weights import save_weights
+from tests.export.recordings_made_up import made_up_model
+
+
+@pytest.fixture
+def weights(tmp_path):
+    save_weights(made_up_model(), tmp_path / "tiny.safetensors", {"title": "tiny"})
+    return tmp_path / "tiny.safetensors"
+
+
+SAMPLE = str(next(path for path in samples() if path.stem == "prints"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "more"),
+    [
+        ("video", "v.mp4", ["--panels", "events", "reconstruction", "--stamps", "--speed", "0.5"]),
+        ("gif", "g.gif", ["--scale", "2", "--no-stamps"]),
+        ("frames", "frames", []),
+        ("arrays", "a.npz", ["--what", "frames", "attention", "--queries", "120,90"]),
+        ("csv", "t.csv", []),
+        ("page", "p.html", ["--queries", "3", "2"]),
+        ("session", "s.json", ["--intervention", '{"removed_scales": [3]}', "--at", "2"]),
+    ],
+)
+def test_every_kind_of_export_is_written_from_the_command_line(tmp_path, weights, capsys, kind, name, more):
+    out = tmp_path / "out" / name
+    assert main(["export", kind, SAMPLE, "-o", str(out), "--model", str(weights), "--range", "1:4", *more]) == 0
+    assert out.exists()
+    assert f"{name}: " in capsys.readouterr().err
+
+
+def test_a_session_is_replayed_and_a_forged_one_is_found_out(tmp_path, weights, capsys):
+    out = tmp_path / "s.json"
+    assert main(["export", "session", SAMPLE, "-o", str(out), "--model", str(weights), "--range", "1:3"]) == 0
+    check = ["replay", "--check", str(out), "--model", str(weights)]
+    assert main(check) == 0
+    assert "all 2 frames" in capsys.readouterr().out
+    text = out.read_text()
+    out.write_text(text.replace('"torch_version": "', '"torch_version": "other '))
+    assert main(check) == 0
+    assert "contract differs: torch_version: other" in capsys.readouterr().err.replace("\n", "")
+    first = text.split('"frames": [\n  "')[1][:64]
+    out.write_text(text.replace(first, "0" * 64))
+    assert main(check) == 1
+    assert "1 of 2 frames differ, the first at window 1" in capsys.readouterr().out
+
+
+def test_a_failure_is_one_line_and_exit_code_one(tmp_path, weights, capsys):
+    arguments = ["export", "csv", SAMPLE, "-o", str(tmp_path / "t.csv"), "--model", str(weights), "--range", "70:80"]
+    assert main(arguments) == 1
+    assert "range 70:80 holds none of the 50 windows" in capsys.readouterr().err
+
+
+def test_queries_are_pixels():
+    assert parse_queries(("1,2", "30,4")) == ((1, 2), (30, 4))
+    with pytest.raises(EtnetError, match="X,Y"):
+        parse_queries(("1;2",))

@@ -1,0 +1,61 @@
+"""The doctor counts what is there, and finds what was put in."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from etnet.events.doctor import examine
+from etnet.events.events import Events, Sensor
+from etnet.events.open import open_recording
+from etnet.events.recording import GroundTruth, recording_of_events
+from tests import strategies
+from tests.real_data import real_file
+
+
+@settings(max_examples=30, deadline=None)
+@given(events=strategies.events())
+def test_counts_are_those_of_the_columns(events):
+    exam = examine(recording_of_events(events))
+    assert exam.num_looked_at == len(events) == int(exam.count_image.sum())
+    assert exam.num_on == np.count_nonzero(events.p > 0)
+    assert sum(exam.step_counts) == max(0, len(events) - 1)
+    assert exam.num_equal_stamps == np.count_nonzero(np.diff(events.t) == 0)
+    assert exam.num_silent_pixels == events.sensor.num_pixels - len(
+        set(zip(events.x.tolist(), events.y.tolist(), strict=True))
+    )
+    if exam.rates:
+        widths = events.t[-1] - events.t[0]
+        assert sum(exam.rates) * widths / len(exam.rates) / 1e6 == pytest.approx(len(events))
+    assert json.loads(json.dumps(exam.as_dict()))["num_events"] == len(events)
+
+
+def test_a_hot_pixel_a_gap_and_foreign_frames_are_found():
+    rng = np.random.default_rng(0)
+    t = np.sort(np.concatenate([rng.integers(0, 10**6, 3000), 3_000_000 + rng.integers(0, 10**6, 3000)]))
+    x, y = rng.integers(0, 20, 6000).astype(np.uint16), rng.integers(0, 12, 6000).astype(np.uint16)
+    x[::4], y[::4] = 7, 5
+    x[(x != 7) & (abs(x.astype(int) - 7) < 2)] = 15
+    x[(x == 7) & (y != 5)] = 15
+    events = Events(x, y, t, np.ones(6000, np.int8), Sensor(20, 12))
+    truth = GroundTruth(np.array([10**12, 10**12 + 40_000]), lambda i: np.zeros((6, 10), np.float32))
+    exam = examine(recording_of_events(events, ground_truth=truth))
+    assert [(pixel.x, pixel.y) for pixel in exam.hot_pixels] == [(7, 5)]
+    assert exam.gaps[0].stop - exam.gaps[0].start > 1_900_000
+    assert exam.frames is not None
+    assert exam.frames.num_outside_span == 2
+    assert exam.frames.frames_per_second == pytest.approx(25)
+    assert len(exam.advice) == 4
+
+
+@pytest.mark.real
+def test_slider_depth_is_healthy():
+    with open_recording(real_file("ecd_slider_depth/slider_depth.zip")) as recording:
+        exam = examine(recording)
+    assert exam.advice == ()
+    assert exam.frames is not None
+    assert exam.frames.first_after_first_event == -3811
+    assert exam.suggested_events == 15_120

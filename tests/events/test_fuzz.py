@@ -1,0 +1,90 @@
+"""Whatever is done to a file of any format, it opens or is refused in one line; nothing else comes out."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from etnet.events.recording import recording_of_events
+from etnet.events.write import write_recording
+from tests.events.fuzz import fuzz
+from tests.real_data import real_file
+from tests.strategies import make_events
+
+ROUNDS = 12
+SLOW_ROUNDS = 1500
+
+WRITTEN = ("event_utils.h5", "dsec.hdf5", "aedat4.aedat4", "evt3.raw", "csv.csv", "npz.npz")
+MADE = ("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy")
+REAL = (
+    "aedat4/davis346_street_0.17s.aedat4",
+    "aedat4/test_data_gray16.aedat4",
+    "prophesee/dat_ncars_sample.dat",
+    "bin/nmnist_digit4.bin",
+    "aedat2/dvs128_checkerboard_flash.aedat",
+    "derived/slider_depth_0.3s_dvs_msgs.bag",
+    "derived/slider_depth_0.3s_v31.aedat",
+    "derived/davis346_aprilgrid_0.5s.es",
+    "derived/davis346_aprilgrid_0.3s_evt21.raw",
+    "derived/davis346_aprilgrid_0.5s_evt2.raw",
+    "derived/dvxplorer_lite_face1_metavision_ecf.h5",
+    "derived/slider_depth_0.4s_evreal.zip",
+    "rosbag/event_camera_msgs_evt3_person_2.1s.bag",
+    "rosbag/event_camera_msgs_libcaer_cmp_aprilgrid_1.0s.mcap",
+)
+
+
+def seed_file(name: str, folder):
+    """A sound file of the format, made up."""
+    events = make_events(3000)
+    path = folder / name
+    rows = "".join(
+        f"{t / 1e6:.9f} {x} {y} {p:d}\n" for t, x, y, p in zip(events.t, events.x, events.y, events.p > 0, strict=True)
+    )
+    if name in WRITTEN:
+        write_recording(recording_of_events(events), path, name.split(".")[0])
+    elif name == "mvsec.hdf5":
+        with h5py.File(path, "w") as file:
+            table = np.stack([events.x, events.y, events.t / 1e6, events.p], 1)
+            file.create_dataset("davis/left/events", data=table, chunks=(500, 4), compression="gzip")
+            file["davis/left/image_raw"], file["davis/left/image_raw_ts"] = np.zeros((2, 12, 20), "u1"), [0.0, 0.01]
+    elif name == "v5.mat":
+        scipy.io.savemat(path, {"TD": {axis: getattr(events, axis).astype(float) for axis in "xytp"}})
+    elif name == "text.txt":
+        path.write_text("20 12\n" + rows)
+    elif name == "text.txt.gz":
+        path.write_bytes(gzip.compress(rows.encode()))
+    else:
+        np.save(path, np.stack([events.t, events.x, events.y, events.p], 1))
+    return path
+
+
+@pytest.mark.parametrize("name", WRITTEN + MADE)
+def test_damage_to_made_files_is_refused_or_read(name, tmp_path):
+    seed = seed_file(name, tmp_path)
+    (tmp_path / "damaged").mkdir()
+    assert sum(fuzz(seed, tmp_path / "damaged", ROUNDS, np.random.default_rng(0)).values()) == ROUNDS
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("name", REAL)
+def test_damage_to_real_files_is_refused_or_read(name, tmp_path):
+    assert sum(fuzz(real_file(name), tmp_path, ROUNDS // 2, np.random.default_rng(0)).values()) == ROUNDS // 2
+
+
+@pytest.mark.slow
+@pytest.mark.real
+@pytest.mark.parametrize("name", WRITTEN + MADE + REAL)
+def test_much_damage_is_refused_or_read(name, tmp_path):
+    seed = real_file(name) if name in REAL else seed_file(name, tmp_path)
+    (tmp_path / "damaged").mkdir()
+    entropy = np.random.SeedSequence().entropy
+    print(f"the damage comes from default_rng({entropy})")
+    counts = fuzz(seed, tmp_path / "damaged", SLOW_ROUNDS, np.random.default_rng(entropy))
+    shutil.rmtree(tmp_path / "damaged", ignore_errors=True)
+    assert sum(counts.values()) == SLOW_ROUNDS

@@ -1,0 +1,125 @@
+import subprocess
+
+import cv2
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from etnet.errors import Cancelled, EtnetError, RecordingError
+from etnet.events.recording import recording_of_events
+from etnet.export.frames import write_frames
+from etnet.export.images import to_uint8
+from etnet.export.pictures import GAP, Look, draw
+from etnet.export.take import Take
+from etnet.export.video import write_gif, write_video
+from etnet.playback.playback import Playback
+from etnet.windows import ByCount, plan_windows
+from tests.export.recordings_made_up import NUM_WINDOWS, SENSOR, made_up_model, made_up_recording, made_up_take
+
+WIDTH, HEIGHT = SENSOR.width, SENSOR.height
+
+
+def decoded(path, channels=1) -> list[np.ndarray]:
+    """Frames as ffmpeg decodes them: a reader that knows nothing of the writer."""
+    capture = [
+        imageio_ffmpeg.get_ffmpeg_exe(),
+        "-v",
+        "error",
+        "-i",
+        str(path),
+        "-f",
+        "rawvideo",
+        "-fps_mode",
+        "passthrough",
+    ]
+    kind = "gray" if channels == 1 else "rgb24"
+    raw = subprocess.run([*capture, "-pix_fmt", kind, "-"], capture_output=True, check=True).stdout
+    width, height = (cv2.VideoCapture(str(path)).get(p) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    return list(
+        np.frombuffer(raw, np.uint8).reshape(-1, int(height), int(width), channels).squeeze(3 if channels == 1 else ())
+    )
+
+
+def test_a_picture_without_stamps_is_the_frame_and_nothing_else():
+    moment = next(made_up_take().moments())
+    assert np.array_equal(draw(moment, Look(gamma=2.2), 5), to_uint8(moment.frame, 2.2))
+
+
+def test_stamps_stand_below_the_picture_and_hide_no_pixel():
+    moment = next(made_up_take().moments())
+    plain, stamped = draw(moment, Look(scale=4), 5), draw(moment, Look(scale=4, has_stamps=True), 5)
+    assert np.array_equal(stamped[: HEIGHT * 4], plain)
+    assert stamped[HEIGHT * 4 :].max() > 150
+
+
+def test_panels_stand_side_by_side_in_the_order_asked_for():
+    moment = next(made_up_take().moments())
+    picture = draw(moment, Look(("camera", "events", "reconstruction")), 5)
+    assert picture.shape == (HEIGHT, 3 * WIDTH + 2 * GAP, 3)
+    assert np.array_equal(picture[:, :WIDTH, 0], to_uint8(moment.camera))
+    assert np.array_equal(picture[:, -WIDTH:, 1], to_uint8(moment.frame))
+
+
+def test_a_camera_panel_without_a_camera_names_the_recording():
+    recording = recording_of_events(made_up_recording().read(0, 600), "no camera")
+    take = Take.of(Playback(made_up_model(), recording, plan_windows(recording, ByCount(300))))
+    with pytest.raises(RecordingError, match="no camera: has no camera frames"):
+        draw(next(take.moments()), Look(("camera",)), 2)
+
+
+def test_a_video_is_h264_that_browsers_play_and_shows_the_frames(tmp_path):
+    path = tmp_path / "out.mp4"
+    take = made_up_take()
+    assert write_video(take, path, Look(scale=4)) == NUM_WINDOWS
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path)]
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert "h264" in said
+    assert "yuv420p" in said
+    assert "25 fps" in said
+    for frame, moment in zip(decoded(path), take.moments(), strict=True):
+        error = frame[: HEIGHT * 4, : WIDTH * 4].astype(int) - draw(moment, Look(scale=4), 5)
+        assert np.abs(error).mean() < 6
+
+
+def test_a_grey_gif_loses_nothing_and_loops(tmp_path):
+    path = tmp_path / "out.gif"
+    take = made_up_take()
+    assert write_gif(take, path, Look()) == NUM_WINDOWS
+    frames = decoded(path)
+    assert all(np.array_equal(a, draw(m, Look(), 5)) for a, m in zip(frames, take.moments(), strict=True))
+    assert b"NETSCAPE2.0" in path.read_bytes()
+
+
+def test_a_gif_in_colour_keeps_the_two_hues_apart(tmp_path):
+    path = tmp_path / "out.gif"
+    take = made_up_take(0, 1)
+    look = Look(("events",))
+    write_gif(take, path, look)
+    wanted = draw(next(take.moments()), look, 5)
+    assert np.abs(decoded(path, 3)[0].astype(int) - wanted).max() < 24
+
+
+def test_frames_are_the_same_pictures_with_a_table_of_their_stamps(tmp_path):
+    take = made_up_take(1, 4)
+    assert write_frames(take, tmp_path / "frames", Look(("events", "reconstruction"))) == 3
+    for moment in take.moments():
+        read = cv2.imread(str(tmp_path / f"frames/frame_{moment.window.index:06d}.png"))
+        assert np.array_equal(read[..., ::-1], draw(moment, Look(("events", "reconstruction")), 5))
+    lines = (tmp_path / "frames/stamps.csv").read_text().splitlines()
+    assert lines[1] == f"1,80000,40000,{take.windows[0].num_events}"
+
+
+@pytest.mark.parametrize(("writer", "name"), [(write_video, "v.mp4"), (write_gif, "v.gif")])
+def test_a_cancelled_export_leaves_no_file_and_keeps_the_old_one(tmp_path, writer, name):
+    (tmp_path / name).write_bytes(b"old")
+    calls = iter(range(100))
+    with pytest.raises(Cancelled):
+        writer(made_up_take(), tmp_path / name, Look(), is_cancelled=lambda: next(calls) > 4)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("wrong", [{"panels": ()}, {"scale": 0}, {"gamma": 0.0}])
+def test_a_look_that_cannot_be_drawn_is_refused(wrong):
+    with pytest.raises(EtnetError):
+        Look(**wrong)

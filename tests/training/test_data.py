@@ -1,0 +1,105 @@
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from etnet.training.augment import Clip, augment
+from etnet.training.config import AugmentConfig, Stage
+from etnet.training.data import ClipSource, slot_at, stretches
+from tests.training.micro import micro
+
+
+@given(st.integers(1, 6), st.integers(1, 5), st.integers(0, 5))
+def test_every_clip_is_shown_whole_and_in_order(num_lanes: int, chunks: int, lane: int):
+    lane %= num_lanes
+    slots = [slot_at(update, lane, num_lanes, chunks, truncate=10) for update in range(4 * chunks + 1)]
+    for before, after in pairwise(slots):
+        if after.begins:
+            assert (after.number, after.first_window) == (before.number + 1, 0)
+        else:
+            assert (after.number, after.first_window) == (before.number, before.first_window + 10)
+    lengths = [sum(slot.number == number for slot in slots) for number in range(1, 3)]
+    assert lengths == [chunks, chunks]
+
+
+def test_a_stream_taken_up_later_shows_the_same(tmp_path: Path):
+    config = micro(tmp_path)
+    whole = list(stretches(config, 0, [range(2)]))
+    for start in (1, 3, 5):
+        for late, known in zip(stretches(config, start, [range(2)]), whole[start:], strict=True):
+            assert torch.equal(late.voxels, known.voxels)
+            assert torch.equal(late.frames, known.frames)
+            assert torch.equal(late.is_cold, known.is_cold)
+
+
+def test_two_processes_share_the_clips_of_one(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(3, size=(40, 48), clips=4),))
+    whole = stretches(config, 0, [range(4)])
+    parts = [stretches(config, 0, [range(2)]), stretches(config, 0, [range(2, 4)])]
+    for one, first, second in zip(whole, *parts, strict=True):
+        assert torch.equal(one.voxels, torch.cat((first.voxels, second.voxels), dim=1))
+
+
+def test_a_new_stage_has_its_size_and_begins_cold(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(2, size=(40, 48)), Stage(2, size=(48, 56), clips=1)))
+    sizes = [tuple(stretch.voxels.shape) for stretch in stretches(config, 0, [range(2), range(1)])]
+    assert sizes == [(2, 2, 5, 40, 48)] * 2 + [(2, 1, 5, 48, 56)] * 2
+
+
+@pytest.mark.slow
+def test_a_worker_process_gives_the_same_clips(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(2, size=(40, 48)),))
+    alone = list(stretches(config, 0, [range(2)]))
+    helped = list(stretches(replace(config, data=replace(config.data, workers=1)), 0, [range(2)]))
+    for one, other in zip(alone, helped, strict=True):
+        assert torch.equal(one.voxels, other.voxels)
+
+
+def test_seeds_and_keys_give_different_clips(tmp_path: Path):
+    config = micro(tmp_path)
+    clips = [ClipSource(config)[0, 0, 0], ClipSource(config)[0, 0, 1], ClipSource(replace(config, seed=1))[0, 0, 0]]
+    for i in range(3):
+        assert not np.array_equal(clips[i].frames, clips[i - 1].frames)
+
+
+def _clip(rng: np.random.Generator) -> Clip:
+    shape = (3, 8, 10)
+    return Clip(
+        rng.standard_normal((3, 5, 8, 10), np.float32),
+        rng.random(shape, np.float32),
+        rng.standard_normal((3, 2, 8, 10), np.float32),
+    )
+
+
+@given(st.integers(0, 30))
+def test_flips_take_voxels_frames_and_flow_along(seed: int):
+    clip = _clip(np.random.default_rng(0))
+    flipped = augment(clip, AugmentConfig(noise_std=(0, 0)), np.random.default_rng(seed))
+    found = 0
+    for sign_x in (1, -1):
+        for sign_y in (1, -1):
+            frames = clip.frames[:, ::sign_y, ::sign_x]
+            flow = clip.flow[..., ::sign_y, ::sign_x] * np.array([sign_x, sign_y])[:, None, None]
+            if np.array_equal(frames, flipped.frames):
+                found += 1
+                np.testing.assert_array_equal(flow.astype(np.float32), flipped.flow)
+                np.testing.assert_array_equal(clip.voxels[..., ::sign_y, ::sign_x], flipped.voxels)
+    assert found == 1
+
+
+def test_noise_and_hot_pixels_have_the_size_that_was_asked_for():
+    clip = Clip(
+        np.zeros((4, 5, 64, 64), np.float32), np.zeros((4, 64, 64), np.float32), np.zeros((4, 2, 64, 64), np.float32)
+    )
+    noisy = augment(clip, AugmentConfig(noise_std=(0.1, 0.1)), np.random.default_rng(0))
+    assert noisy.voxels.std() == pytest.approx(0.1, rel=0.02)
+    hot = augment(clip, AugmentConfig(noise_std=(0, 0), hot_pixel_share=0.05), np.random.default_rng(3))
+    lit = hot.voxels != 0
+    assert 0 < lit[0, 0].mean() <= 0.05
+    assert (hot.voxels == hot.voxels[0, 0]).all()
+    assert not clip.voxels.any()

@@ -1,0 +1,61 @@
+import os
+import socket
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from etnet.training.checkpoint import LAST, load_checkpoint
+from etnet.training.config import ContextConfig, Stage, TrainConfig, TrainingError
+from etnet.training.distributed import World
+from etnet.training.loop import train
+from tests.training.micro import micro
+
+MEMBER = """
+import sys
+from pathlib import Path
+from etnet.training.distributed import joined
+from etnet.training.loop import train
+from tests.training.test_distributed import shared
+with joined() as world:
+    train(shared(Path(sys.argv[1])), world)
+"""
+
+
+def shared(out: Path) -> TrainConfig:
+    """Twenty updates of four clips, with everything random switched on but dropout."""
+    context = ContextConfig(skip_drop=0.5, skip_drop_end=0.5, blind_share=0.8)
+    config = micro(out, stages=(Stage(20, size=(40, 48), clips=4),), context=context)
+    return replace(config, network=replace(config.network, dropout=0.0))
+
+
+@pytest.mark.slow
+def test_two_processes_make_the_weights_of_one(tmp_path: Path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
+    members = [
+        subprocess.Popen(
+            [sys.executable, "-c", MEMBER, str(tmp_path / "two")],
+            cwd=Path(__file__).resolve().parents[2],
+            env={**environment, "WORLD_SIZE": "2", "RANK": str(rank), "LOCAL_RANK": str(rank)},
+        )
+        for rank in range(2)
+    ]
+    assert [member.wait(timeout=150) for member in members] == [0, 0]
+    train(shared(tmp_path / "one"))
+    one, two = load_checkpoint(tmp_path / "one" / LAST), load_checkpoint(tmp_path / "two" / LAST)
+    difference = max(float((one.weights[name] - two.weights[name]).abs().max()) for name in one.weights)
+    assert difference < 1e-5
+    for own, other in zip(one.memory, two.memory, strict=True):
+        torch.testing.assert_close(own, other, atol=1e-4, rtol=1e-3)
+
+
+def test_clips_that_do_not_divide_are_refused():
+    assert World(1, 2).lanes(4) == range(2, 4)
+    with pytest.raises(TrainingError, match="does not divide by 2 processes"):
+        World(0, 2).lanes(3)

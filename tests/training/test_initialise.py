@@ -1,0 +1,75 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from etnet.nets.attention import AttentionProbe
+from etnet.nets.etnet import ETNet
+from etnet.nets.presets import PRESETS, build_model
+from etnet.training.initialise import DEEP_PATH, start_locally, take_fitting
+from etnet.training.watch import health_of, mean_cosine, mean_spread
+
+
+@pytest.fixture(scope="module")
+def local() -> ETNet:
+    config = replace(PRESETS["etnet-half"], positions="grid", scales_logits=True, dropout=0.0)
+    model = build_model(config)
+    start_locally(model, torch.Generator().manual_seed(0))
+    return model
+
+
+def test_attention_begins_by_looking_somewhere_in_every_layer(local: ETNet):
+    voxel = torch.randn(1, 5, 112, 112, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        pyramid, _ = local.encode(voxel)
+        with health_of(local) as watch:
+            _, attention = local.decode(pyramid, AttentionProbe())
+    assert attention is not None
+    health = watch.health(pyramid, attention)
+    assert len(health.cosine) == 21
+    assert max(health.cosine.values()) < 0.85
+    assert max(health.spread.values()) < 0.85
+    assert min(health.live_units.values()) > 0.5
+
+
+def test_a_place_head_looks_near_its_token(local: ETNet):
+    voxel = torch.zeros(1, 5, 112, 112)
+    with torch.no_grad():
+        pyramid, _ = local.encode(voxel)
+        _, attention = local.decode(pyramid, AttentionProbe())
+    assert attention is not None
+    row, column = 7, 7
+    weights = attention.rows("scale1.encoder.0.self", [row * 14 + column])[:4, 0].view(4, 14, 14)
+    near = weights[:, row - 2 : row + 3, column - 2 : column + 3].sum((1, 2))
+    assert (near > 2 * 25 / 196).all()
+    assert near[3] > near[0]
+
+
+def test_watching_does_not_change_the_frame(local: ETNet):
+    with torch.no_grad():
+        pyramid, _ = local.encode(torch.randn(1, 5, 40, 48))
+        plain, _ = local.decode(pyramid)
+        with health_of(local):
+            watched, _ = local.decode(pyramid)
+    assert torch.equal(plain, watched)
+
+
+def test_parts_that_fit_are_taken_and_the_others_named():
+    source, target = build_model("tiny"), build_model(replace(PRESETS["tiny"], bins=3))
+    generator = torch.Generator().manual_seed(3)
+    weights = {name: torch.randn(value.shape, generator=generator) for name, value in source.state_dict().items()}
+    before = {name: value.clone() for name, value in target.state_dict().items()}
+    left = take_fitting(target, weights, without=DEEP_PATH)
+    assert "head.conv.weight" in left
+    for name, value in target.state_dict().items():
+        assert torch.equal(value, before[name] if name in left else weights[name])
+        assert (name in left) == (name.startswith(DEEP_PATH) or name == "head.conv.weight")
+
+
+def test_cosine_and_spread_know_the_two_ends():
+    uniform = torch.full((2, 6, 10), 0.1)
+    assert mean_cosine(uniform) == pytest.approx(1.0)
+    assert mean_spread(uniform) == pytest.approx(1.0)
+    each_its_own = torch.eye(6, 10).expand(2, 6, 10)
+    assert mean_cosine(each_its_own) == pytest.approx(0.0)
+    assert mean_spread(each_its_own) == pytest.approx(0.1)

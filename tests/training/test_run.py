@@ -1,0 +1,186 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from etnet.nets.weights import load_weights, save_weights
+from etnet.training.checkpoint import LAST, load_checkpoint, save_checkpoint
+from etnet.training.config import LossConfig, OptimiserConfig, Stage, TrainingError, ValidationConfig
+from etnet.training.distributed import World
+from etnet.training.export import exported
+from etnet.training.log import read_log
+from etnet.training.loop import train
+from etnet.training.run import begin, learning_rate_at
+from tests.training.micro import micro
+
+
+def _same(first: Path, second: Path) -> bool:
+    one, other = load_checkpoint(first / LAST), load_checkpoint(second / LAST)
+    moments = [
+        [value for state in checkpoint.optimiser["state"].values() for value in state.values()]
+        for checkpoint in (one, other)
+    ]
+    pairs = [
+        *zip(one.weights.values(), other.weights.values(), strict=True),
+        *zip(one.averaged.values(), other.averaged.values(), strict=True),
+        *zip(*moments, strict=True),
+        *zip(one.memory, other.memory, strict=True),
+    ]
+    return one.update == other.update and all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_a_run_that_stopped_goes_on_to_the_same_bits(tmp_path: Path):
+    loss = LossConfig(num_scored=2, temporal=0.5, temporal_after=2)
+    whole = micro(tmp_path / "whole", loss=loss)
+    train(whole)
+    for stop in (1, 4):
+        parts = micro(tmp_path / f"parts{stop}", loss=loss)
+        run = begin(parts, World())
+        parts.out.mkdir()
+        from etnet.training.data import stretches
+
+        for stretch in stretches(parts, 0, [range(2)]):
+            run.step(stretch)
+            if run.update == stop:
+                break
+        save_checkpoint(run.checkpoint(), parts.out / LAST)
+        train(parts)
+        assert _same(whole.out, parts.out)
+
+
+def test_a_run_can_be_taken_up_across_stages(tmp_path: Path):
+    stages = (Stage(3, size=(40, 48)), Stage(3, size=(48, 56), clips=1))
+    whole, parts = micro(tmp_path / "whole", stages=stages), micro(tmp_path / "parts", stages=stages)
+    train(whole)
+    run = begin(parts, World())
+    parts.out.mkdir()
+    from etnet.training.data import stretches
+
+    for stretch in stretches(parts, 0, [range(2), range(1)]):
+        if run.update == 3:
+            break
+        run.step(stretch)
+    save_checkpoint(run.checkpoint(), parts.out / LAST)
+    train(parts)
+    assert _same(whole.out, parts.out)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from etnet.training.loop import train
+from tests.training.micro import micro
+from etnet.training.config import Stage
+train(micro(Path(sys.argv[1]), stages=(Stage(40, size=(40, 48)),)))
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path):
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "killed")]
+    root = Path(__file__).resolve().parents[2]
+    process = subprocess.Popen(command, cwd=root, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    last = tmp_path / "killed" / LAST
+    deadline = time.monotonic() + 120
+    while not last.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    time.sleep(0.15)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert load_checkpoint(last).update < 40
+    config = micro(tmp_path / "killed", stages=(Stage(40, size=(40, 48)),))
+    train(config)
+    train(replace(config, out=tmp_path / "whole"))
+    assert _same(tmp_path / "killed", tmp_path / "whole")
+    assert [line["update"] for line in read_log(config.out)] == [
+        line["update"] for line in read_log(tmp_path / "whole")
+    ]
+
+
+def test_a_torn_write_leaves_the_old_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    config = micro(tmp_path, stages=(Stage(1, size=(40, 48)),))
+    run = train(config)
+
+    def torn(value: object, file) -> None:
+        file.write(b"half of it")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(torch, "save", torn)
+    with pytest.raises(OSError, match="no space"):
+        save_checkpoint(run.checkpoint(), tmp_path / LAST)
+    assert load_checkpoint(tmp_path / LAST).update == 1
+    assert not list(tmp_path.glob("*.tmp"))
+
+
+def test_another_config_is_refused_by_name(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(1, size=(40, 48)),))
+    train(config)
+    with pytest.raises(TrainingError, match="made with another seed"):
+        train(replace(config, seed=5))
+    longer = replace(config, stages=(Stage(2, size=(40, 48)),))
+    assert train(longer, changed=True).update == 2
+
+
+def test_a_file_that_is_no_checkpoint_is_refused(tmp_path: Path):
+    (tmp_path / LAST).write_bytes(b"not a checkpoint")
+    with pytest.raises(TrainingError, match="not a checkpoint"):
+        train(micro(tmp_path))
+
+
+def test_the_log_tells_training_and_validation(tmp_path: Path):
+    told = []
+    config = micro(
+        tmp_path,
+        stages=(Stage(4, size=(40, 48)),),
+        validation=ValidationConfig(every=2, clips=1, windows=3, size=(40, 48), score_every=2),
+    )
+    run = train(config, report=lambda kind, update, numbers: told.append((kind, update)))
+    lines = read_log(tmp_path)
+    assert [(line["kind"], line["update"]) for line in lines[1:]] == told
+    assert told == [("validation", 0), ("train", 2), ("validation", 2), ("train", 4), ("validation", 4)]
+    scores = [line for line in lines if line["kind"] == "validation"]
+    assert set(scores[0]["lpips"]) == {"as_is", "without_context", "mean_context", "uniform_attention"}
+    assert run.best == min(line["lpips"]["as_is"] for line in scores)
+    assert set(scores[0]["health"]["live_units"]) == {"upsampler0", "upsampler1", "upsampler2"}
+    assert (tmp_path / "preview_0000004.png").exists()
+
+
+def test_exported_weights_are_the_running_mean(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(2, size=(40, 48)),), validation=ValidationConfig(0, recordings=(tmp_path,)))
+    run = train(config)
+    model, card = exported(tmp_path)
+    assert card["updates"] == 2
+    assert str(tmp_path) not in json.dumps(card)
+    assert "/" not in json.dumps(card["recipe"])
+    save_weights(model, tmp_path / "out.safetensors", card)
+    loaded = load_weights(tmp_path / "out.safetensors")
+    for name, value in loaded.state_dict().items():
+        torch.testing.assert_close(value, run.averaged.weights[name], atol=1e-3, rtol=1e-3)
+
+
+def test_the_first_updates_change_every_weight(tmp_path: Path):
+    config = micro(tmp_path)
+    before = {name: value.clone() for name, value in begin(config, World()).model.state_dict().items()}
+    after = train(config).model.state_dict()
+    unchanged = [name for name in before if torch.equal(before[name], after[name])]
+    assert unchanged == []
+
+
+def test_learning_rates_follow_their_schedules():
+    cosine = OptimiserConfig(learning_rate=1.0, warm_up=10, final_share=0.1)
+    assert [learning_rate_at(cosine, update, 110) for update in (0, 9, 10, 60, 110)] == pytest.approx(
+        [0.1, 1.0, 1.0, 0.55, 0.1]
+    )
+    trapezoid = replace(cosine, schedule="trapezoid", cool_down=20)
+    assert [learning_rate_at(trapezoid, update, 110) for update in (50, 90, 100, 110)] == pytest.approx(
+        [1.0, 1.0, 0.55, 0.1]
+    )
+    paper = OptimiserConfig(learning_rate=2e-4, warm_up=0, schedule="exponential", decay=0.99, decay_updates=140)
+    assert learning_rate_at(paper, 280, 10**6) == pytest.approx(2e-4 * 0.99**2)
