@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import warnings
 from collections.abc import Sequence
 
 import tyro
@@ -41,6 +42,8 @@ class Viewer:
         from app.session import Session
         from app.view_state import ViewState
 
+        # A visitor who leaves while his page is drawn is nothing to tell on the terminal.
+        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
         self.catalogue = Catalogue(config)
         entries, models = self.catalogue.entries(), self.catalogue.models()
         default = ViewState(

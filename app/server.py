@@ -8,8 +8,8 @@ import socket
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from importlib.metadata import PackageNotFoundError, version
+from io import StringIO
 from typing import Protocol
 from urllib.parse import urlsplit
 

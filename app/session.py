@@ -159,7 +159,7 @@ class Session:
             return  # a slow page said hello when its visitor had already begun: his view is the newer one
         self._is_known = True
         self._state = recalled
-        known = {entry.id for entry in self._catalogue.entries()}
+        known = [entry.id for entry in self._catalogue.entries()]
         if self._state.recording_id not in known:
             self._state = reduce(self._state, ask.OpenRecording(next(iter(known), "")), Limits())
             refused = (*refused, "the recording")

@@ -57,7 +57,7 @@ class Stage:
 
 
 def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
-    """What stands on the plane, and a key that tells it from any other: a map in the attention workspace, else the frame."""
+    """What stands on the plane (a map in the attention workspace, else the frame), and a key that tells it apart."""
     ready, state = page.ready, page.state
     if ready is None:
         return None, None

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import TypeVar, get_args
 
 from app import intents as ask
 from etnet.events.events import Sensor
@@ -18,6 +18,7 @@ SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 NUM_HEADS_CAP = 64
 WARM_WINDOW = 20
 """Where a recording that was never looked at is opened: the network has seen enough there to draw well."""
+Word = TypeVar("Word", bound=str)
 SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
 
 
@@ -66,7 +67,7 @@ class ViewState:
     workspace: ask.Workspace = "inspect"
     query: tuple[int, int] | None = None
     """Pixel (x, y) of the sensor whose attention is shown."""
-    site: str = "scale1.encoder.2.self"
+    site: str = "scale1.encoder.0.self"
     head: int | None = None
     """`None` is the mean of all heads."""
     opens_heads: bool = False
@@ -129,7 +130,7 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
         case ask.ChooseModel(model_id):
             return replace(state, model_id=model_id)
         case ask.ChoosePrecision(precision):
-            return replace(state, precision=precision)
+            return replace(state, precision=_known(precision, ask.Precision, state.precision))
         case ask.ChoosePolicy(policy):
             if policy == state.policy:
                 return state
@@ -165,15 +166,15 @@ def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewSt
         case ask.ChooseHead(head):
             return replace(state, head=None if head is None else min(max(head, 0), NUM_HEADS_CAP - 1))
         case ask.ChooseEventImage(event_image):
-            return replace(state, event_image=event_image)
+            return replace(state, event_image=_known(event_image, ask.EventImage, state.event_image))
         case ask.ChooseTone(tone):
-            return replace(state, tone=tone)
+            return replace(state, tone=_known(tone, ask.Tone, state.tone))
         case ask.SetOverlay(opacity):
             return replace(state, overlay=_unit(opacity))
         case ask.ChooseMapRange(map_range):
-            return replace(state, map_range=map_range)
+            return replace(state, map_range=_known(map_range, ask.MapRange, state.map_range))
         case ask.ChooseCamera(camera):
-            return replace(state, camera=camera)
+            return replace(state, camera=_known(camera, ask.Camera, state.camera))
         case ask.ShowEvents(is_shown):
             return replace(state, shows_events=is_shown)
         case ask.OpenBin(voxel_bin):
@@ -184,6 +185,11 @@ def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewSt
 def choices(alias: object) -> tuple[str, ...]:
     """The words of a `Literal`, in order: what a dropdown offers and what a stored state may hold."""
     return get_args(alias)
+
+
+def _known(word: Word, alias: object, present: Word) -> Word:
+    """A page may send any word; one that is not offered changes nothing."""
+    return word if word in choices(alias) else present
 
 
 def _finite(value: float) -> float:

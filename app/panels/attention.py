@@ -21,7 +21,7 @@ class AttentionPanel:
         self._maps = Html(gui)
         self._range = gui.add_dropdown("Colours", tuple(RANGES.values()))
         self._overlay = gui.add_slider("Strength", 0.0, 1.0, 0.05, 0.8)
-        words = {text: name for name, text in RANGES.items()}
+        words: dict[str, ask.MapRange] = {text: name for name, text in RANGES.items()}
         on_visitor(self._pixel, lambda xy: ask.Query(round(xy[0]), round(xy[1])), dispatch)
         on_visitor(self._range, lambda text: ask.ChooseMapRange(words[text]) if text in words else None, dispatch)
         on_visitor(self._overlay, ask.SetOverlay, dispatch)

@@ -14,6 +14,7 @@ from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.timeline import Cached
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
+from etnet.errors import EtnetError
 
 Dispatch = Callable[[Intent], None]
 
@@ -88,7 +89,13 @@ def on_visitor(handle: Any, act: Callable[[Any], Intent | None], dispatch: Dispa
     """
 
     async def heard(event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None and (intent := act(event.target.value)) is not None:
+        if event.client is None:
+            return
+        try:
+            intent = act(event.target.value)
+        except (TypeError, ValueError, LookupError, OverflowError, EtnetError):
+            return  # no widget of ours sends such a value
+        if intent is not None:
             dispatch(intent)
 
     handle.on_update(heard)

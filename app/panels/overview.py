@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import viser
 
 from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
-from app.present import camera_frame_html, event_image_html, provenance_html
+from app.present import camera_frame_html, event_image_html, provenance_html, site_words
 from app.present.cloud import EventCloud
 from etnet.render.colours import OFF, ON, hexadecimal
-
 
 _HELP = f'<span><button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button></span>'
 
@@ -46,6 +47,9 @@ class SceneLegend:
     def show(self, page: Page) -> None:
         """Also the mark by which the theme knows the workspace."""
         mark = f'<i data-etv-workspace="{page.state.workspace}"></i>'
+        if page.state.workspace == "attention":
+            self._legend.show(mark + _map_words(page))
+            return
         cloud = self._cloud
         if page.moment is None or cloud is None or not _shows_cloud(page):
             self._legend.show(mark)
@@ -79,6 +83,18 @@ class Demo:
             shown.append(("Ordinary camera", camera_frame_html(page.moment, tones=page.tones)))
         figures = "".join(f"<figure><h2>{title}</h2>{content}</figure>" for title, content in shown)
         self._pictures.show(f'<div class="etv-demo" style="--figures:{len(shown)}" data-testid="demo">{figures}</div>')
+
+
+def _map_words(page: Page) -> str:
+    attention = page.ready.attention if page.ready is not None else None
+    if attention is None or page.look is None or page.state.site not in attention.sites:
+        return ""
+    words = site_words(page.state.site, attention.sites)
+    head = "mean of all heads" if page.state.head is None else f"head {page.state.head + 1}"
+    return (
+        '<div class="et etv-scene-legend" data-testid="scene-legend">'
+        f'<span>{escape(words)}</span><span class="et-note">{head}</span></div>'
+    )
 
 
 def _shows_cloud(page: Page) -> bool:

@@ -44,7 +44,7 @@ class EventPicture:
         self._events = Html(gui)
         self._style = gui.add_dropdown("Events as", choices(ask.EventImage))
         self._tone = gui.add_dropdown("Brightness", tuple(TONES.values()))
-        words = {text: tone for tone, text in TONES.items()}
+        words: dict[str, ask.Tone] = {text: tone for tone, text in TONES.items()}
         on_visitor(self._style, ask.ChooseEventImage, dispatch)
         on_visitor(self._tone, lambda text: ask.ChooseTone(words[text]) if text in words else None, dispatch)
 

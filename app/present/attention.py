@@ -196,7 +196,7 @@ def _heads(ready: Ready, attention: Attention, look: AttentionLook, name: str, o
     )
     facts = (
         f'<div class="et-caption"><span>{who}</span><span>reads ≈ <b>{num_read}</b> of {count(rows.shape[-1])} tokens'
-        f' · most at <b data-testid="peak" data-token="{token}" data-weight="{float(chosen[token]):.7g}">({x}, {y})</b>:'
+        f' · most at <b data-testid="peak" data-token="{token}" data-weight="{chosen[token]:.7g}">({x}, {y})</b>:'
         f" <b>{peak:.3g}</b> × uniform</span></div>"
     )
     cells: list[str] = []

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import viser
 from jaxtyping import Float32
 
 from app.present import EventCloud
 from app.scene.space import DEPTH, Space, box_corners
+from etnet.render.timeline import nice_step
 
 POINTS_AT_REST = 40_000
 POINTS_IN_MOTION = 10_000
 """While a finger drags or a recording plays: what software graphics still draw at ten frames a second."""
 EDGE = (96, 102, 112)
 ARROW = (205, 211, 220)
-TICKS = 4
+MAX_TICKS = 5
 
 
 class CloudNode:
@@ -25,7 +28,8 @@ class CloudNode:
         self._space: Space | None = None
         self._points: viser.PointCloudHandle | None = None
         self._labels: list[viser.LabelHandle] = []
-        self._depth_text = ""
+        self._ticks: viser.LineSegmentsHandle | None = None
+        self._depth: float | None = None
         self._shown: EventCloud | None = None
         self._root = scene.add_frame("/window", show_axes=False)
 
@@ -61,21 +65,29 @@ class CloudNode:
         lines = self._scene.add_line_segments
         lines("/window/box", _edges(space), colors=EDGE, thickness=1.0, thickness_units="screen")
         lines("/window/arrow", _arrow(space), colors=ARROW, thickness=2.0, thickness_units="screen")
+        self._ticks = lines(
+            "/window/ticks", _ticks(space, [0.0]), colors=ARROW, thickness=2.0, thickness_units="screen"
+        )
         self._labels = [
-            self._scene.add_label(
-                f"/window/tick{i}", "", position=_tick(space, i), anchor="top-center", font_screen_scale=0.75
-            )
-            for i in range(TICKS + 1)
+            self._scene.add_label(f"/window/tick{i}", "", anchor="top-center", font_screen_scale=0.75)
+            for i in range(MAX_TICKS)
         ]
-        self._depth_text = ""
+        self._depth = None
 
     def _say_depth(self, milliseconds: float) -> None:
-        text = f"{milliseconds:.3g}"
-        if text == self._depth_text:
+        """Ticks at round times before the newest moment."""
+        if milliseconds == self._depth or self._space is None or self._ticks is None:
             return
-        self._depth_text = text
+        self._depth = milliseconds
+        step = nice_step(milliseconds, MAX_TICKS - 1) if milliseconds > 0 else 1.0
+        times = [i * step for i in range(MAX_TICKS) if i * step <= milliseconds]
+        places = [DEPTH * time / max(milliseconds, 1e-9) for time in times]
+        self._ticks.points = _ticks(self._space, places)
         for i, label in enumerate(self._labels):
-            label.text = "now" if i == 0 else f"−{milliseconds * i / TICKS:.3g} ms"
+            label.visible = i < len(times)
+            if label.visible:
+                label.text = "now" if i == 0 else f"−{times[i]:g} ms"
+                label.position = (-self._space.width / 2, self._space.height / 2 + 0.2, places[i])
 
 
 def _edges(space: Space) -> Float32[np.ndarray, "n 2 3"]:
@@ -85,13 +97,13 @@ def _edges(space: Space) -> Float32[np.ndarray, "n 2 3"]:
 
 
 def _arrow(space: Space) -> Float32[np.ndarray, "n 2 3"]:
-    """From the oldest moment to the newest, along the lower edge, with ticks."""
+    """From the oldest moment to the newest, along the lower edge."""
     x, y = -space.width / 2, space.height / 2 + 0.12
     tip, tail = np.array([x, y, -0.25]), np.array([x, y, DEPTH])
     barbs = [[tip, tip + np.array([0.0, side, 0.16])] for side in (-0.07, 0.07)]
-    ticks = [[[x, y - 0.05, z], [x, y + 0.05, z]] for z in np.linspace(0.0, DEPTH, TICKS + 1)]
-    return np.array([[tail, tip], *barbs, *ticks], np.float32)
+    return np.array([[tail, tip], *barbs], np.float32)
 
 
-def _tick(space: Space, number: int) -> tuple[float, float, float]:
-    return -space.width / 2, space.height / 2 + 0.2, DEPTH * number / TICKS
+def _ticks(space: Space, places: Sequence[float]) -> Float32[np.ndarray, "n 2 3"]:
+    x, y = -space.width / 2, space.height / 2 + 0.12
+    return np.array([[[x, y - 0.05, z], [x, y + 0.05, z]] for z in places], np.float32)

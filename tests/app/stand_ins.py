@@ -13,7 +13,6 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
-
 from app.catalogue import CatalogueError, Entry, ModelEntry
 from app.engine import EngineStatus
 from app.server import Address, free_port, start_server

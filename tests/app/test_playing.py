@@ -1,5 +1,7 @@
 """Playing keeps the recording's own time, whatever the windows' lengths and however late the clock is asked."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,7 @@ from etnet.windows import Window
 
 
 def limits(stamps):
-    windows = [
-        Window(i, i, i + 1, start, stop) for i, (start, stop) in enumerate(zip(stamps, stamps[1:], strict=False))
-    ]
+    windows = [Window(i, i, i + 1, start, stop) for i, (start, stop) in enumerate(itertools.pairwise(stamps))]
     return Limits(Sensor(8, 8), windows, stamps[0])
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.scene.space import Space, box_corners, camera_place
@@ -11,6 +11,7 @@ from etnet.events.events import Sensor
 SENSORS = st.builds(Sensor, st.integers(1, 1280), st.integers(1, 720))
 
 
+@settings(deadline=None)
 @given(SENSORS, st.data(), st.floats(-3, 3), st.floats(-3, 3), st.floats(0.5, 50))
 def test_a_ray_through_a_pixels_middle_hits_that_pixel(sensor, data, x, y, distance):
     space = Space(sensor)
@@ -29,6 +30,7 @@ def test_a_ray_that_misses_the_plane_hits_nothing():
 
 
 @pytest.mark.parametrize("camera", ["orbit", "front", "side"])
+@settings(deadline=None)
 @given(sensor=SENSORS.filter(lambda s: 0.2 < s.width / s.height < 5), aspect=st.floats(0.3, 4))
 def test_every_corner_lies_inside_the_picture_on_any_canvas(camera, sensor, aspect):
     space = Space(sensor)

@@ -1,7 +1,7 @@
 """Whatever is asked, in whatever order, a view stays inside its recording."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app import intents as ask
@@ -37,8 +37,8 @@ INTENTS = st.one_of(
     st.builds(ask.OpenSite, st.text(max_size=30) | st.just("scale2.decoder.0.cross")),
     st.builds(ask.CloseSite),
     st.builds(ask.ChooseHead, st.none() | ANY_INT),
-    st.builds(ask.ChooseEventImage, st.sampled_from(["polarity", "count", "time surface", "decay"])),
-    st.builds(ask.ChooseTone, st.sampled_from(["auto", "raw", "robust", "gamma"])),
+    st.builds(ask.ChooseEventImage, st.sampled_from(["polarity", "count", "time surface", "decay", "evil"])),
+    st.builds(ask.ChooseTone, st.sampled_from(["auto", "raw", "robust", "gamma", "sepia"])),
     st.builds(ask.SetOverlay, ANY_FLOAT),
     st.builds(ask.ChooseMapRange, st.sampled_from(["shared", "per map"])),
     st.builds(ask.ChooseCamera, st.sampled_from(["orbit", "front", "side"])),
@@ -52,6 +52,7 @@ def limits(num_windows: int = 40, step: int = 1000) -> Limits:
     return Limits(Sensor(64, 48), windows, 5000)
 
 
+@settings(deadline=None)
 @given(st.lists(INTENTS, max_size=30), st.integers(1, 50))
 def test_no_order_of_intents_leads_out_of_the_recording(asked, num_windows):
     state, bounds = ViewState(), limits(num_windows)
@@ -64,6 +65,7 @@ def test_no_order_of_intents_leads_out_of_the_recording(asked, num_windows):
         assert state.speed > 0
 
 
+@settings(deadline=None)
 @given(st.lists(INTENTS, max_size=20))
 def test_a_view_survives_storage_except_that_it_does_not_play_by_itself(asked):
     state, bounds = ViewState(), limits()
@@ -75,6 +77,7 @@ def test_a_view_survives_storage_except_that_it_does_not_play_by_itself(asked):
     assert to_text(restored) == to_text(state)
 
 
+@settings(deadline=None)
 @given(
     st.recursive(
         st.none() | st.booleans() | ANY_FLOAT | st.text(), lambda c: st.dictionaries(st.text(), c), max_leaves=8

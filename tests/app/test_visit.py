@@ -156,7 +156,7 @@ def test_other_windows_are_planned_live_and_the_moment_stays(viewer):
     async def story(browser):
         await browser.use(browser.widget("Windows by"), "milliseconds")
         await browser.until_shown("every 20 ms")
-        await browser.until_shown("window 5 of 15")
+        await browser.until_shown("window 7 of 15")
         await browser.use(browser.widget("Each holds"), 5.0)
         await browser.until_shown("every 5.0 ms")
 
@@ -167,7 +167,7 @@ def test_playing_waits_for_each_image_when_told_to_and_stops_at_a_touch(viewer):
     async def story(browser):
         await browser.use(browser.widget("Speed"), "every image")
         await browser.use(browser.widget("Play"), True)
-        await browser.until_shown("Reconstruction of window 15")
+        await browser.until_shown("Reconstruction of window 18")
         shown = [wish.index for _, wish in viewer.engine.wishes if wish.recording_id == "a"]
         assert shown[-3:] == list(range(shown[-3], shown[-3] + 3))
         await browser.use(browser.widget("Window"), 1)
