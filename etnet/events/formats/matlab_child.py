@@ -1,7 +1,7 @@
 """Reads a v5 MATLAB file in a process of its own: scipy's reader crashes the interpreter on some damaged files.
 
-Run as `python -m etnet.events.formats.matlab_child FILE.mat OUT.npz`; OUT gets every numeric array, those of a struct
-under "struct/field". Exit code 1, with one line on standard error, for what cannot be read.
+Run as `python -m etnet.events.formats.matlab_child FILE.mat OUT.npz`; OUT gets every numeric array as "/name",
+those of a struct as "struct/name". Exit code 1, with one line on standard error, for what cannot be read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ def numeric_arrays(tree: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
     for key, value in tree.items():
         if key.startswith("__"):
             continue
-        parts = {f"{key}/{name}": part for name, part in value.items()} if isinstance(value, dict) else {key: value}
+        parts = (
+            {f"{key}/{name}": part for name, part in value.items()} if isinstance(value, dict) else {f"/{key}": value}
+        )
         for name, part in parts.items():
             if isinstance(part, np.ndarray) and part.dtype.kind in "iufb":
                 yield name, part
@@ -29,7 +31,8 @@ def main(source: str, target: str) -> int:
     import scipy.io
 
     try:
-        np.savez(target, **dict(numeric_arrays(scipy.io.loadmat(source, simplify_cells=True))))
+        arrays: dict[str, Any] = dict(numeric_arrays(scipy.io.loadmat(source, simplify_cells=True)))
+        np.savez(target, **arrays)
     except Exception as error:
         print(str(error).splitlines()[0] if str(error) else type(error).__name__, file=sys.stderr)
         return 1
