@@ -113,10 +113,10 @@ def test_an_error_is_shown_and_the_page_goes_on(page, viewer, monkeypatch):
     until_window(page, 20)
     from etnet.errors import WindowError
 
-    def refuse(turn, stage):
+    def refuse(turn):
         raise WindowError("these windows do not fit; choose ByDuration")
 
-    monkeypatch.setattr(viewer.engine, "_exact_step", refuse)
+    monkeypatch.setattr(viewer.engine, "_grant", refuse)
     page.locator("body").press("End")
     page.get_by_test_id("failed").get_by_text("these windows do not fit").first.wait_for()
     monkeypatch.undo()
