@@ -15,9 +15,19 @@ LARGEST_CHUNK = 1 << 28
 
 
 def open_file(request: Request) -> h5py.File:
-    """The file, read only; it is closed with the recording."""
+    """The file, read only; it is closed with the recording.
+
+    Opened with HDF5's usual locking, so that h5py can open it beside us in the same process; without any where the
+    file system or another reader does not allow that.
+    """
     with contained(request.name, "the HDF5 file"):
-        return request.resources.enter_context(h5py.File(request.path, "r", locking=False))
+        try:
+            file = h5py.File(request.path, "r")
+        except OSError as error:
+            if "lock" not in str(error):
+                raise
+            file = h5py.File(request.path, "r", locking=False)
+        return request.resources.enter_context(file)
 
 
 def find(group: h5py.Group, path: str, name: str) -> Any:

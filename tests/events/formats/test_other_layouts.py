@@ -212,3 +212,12 @@ def test_an_evreal_folder_is_mapped_and_a_broken_one_named(tmp_path):
     with open_recording(tmp_path) as recording:
         assert recording.sensor == Sensor(20, 12)
         assert_holds(recording)
+
+
+@pytest.mark.parametrize("locking", [None, False])
+def test_an_hdf5_file_may_be_open_elsewhere_in_the_same_process(locking, tmp_path):
+    path = event_utils_file(tmp_path / "a.h5")
+    with h5py.File(path, "r", locking=locking), open_recording(path) as recording:
+        assert_holds(recording)
+    with open_recording(path) as recording, h5py.File(path, "r") as file:
+        assert len(file["events/xs"]) == recording.num_events
