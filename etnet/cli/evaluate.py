@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.markup import escape
@@ -17,7 +17,6 @@ from rich.markup import escape
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
-from etnet.events.assumptions import Assumptions
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges
@@ -47,8 +46,7 @@ class Evaluate:
     """auto: LPIPS-VGG beside LPIPS-Alex when its weights are installed. alex: never. vgg: insist."""
     flow: Literal["auto", "file"] = "auto"
     """Temporal consistency without flow in the file. auto: estimate it with DIS. file: print n/a."""
-    assume: Assumptions = field(default_factory=Assumptions)
-    """What the recordings do not say themselves."""
+    opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
 
 
 @dataclass(frozen=True)
@@ -153,7 +151,7 @@ def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: st
     kept = read_scores(job.target, key)
     if kept is not None:
         return kept
-    recording = open_with_progress(job.recording, Opening(config.assume))
+    recording = open_with_progress(job.recording, config.opening)
     with recording, fraction_callback(escape(label)) as progress:
         scores = evaluate(
             model,
@@ -173,7 +171,7 @@ def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
     """All that the numbers depend on."""
     files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
-    choices = [config.protocol, config.whole, config.flow, config.device, repr(config.assume)]
+    choices = [config.protocol, config.whole, config.flow, config.device, repr(config.opening)]
     judged = "alex+vgg" if judges.lpips_vgg else "alex"
     facts = [RULES, choices, judged, weights, stats]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()

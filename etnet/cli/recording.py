@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from etnet.cli.progress import fraction_callback
+from etnet.errors import RecordingError
 from etnet.events.assumptions import Assumptions
 from etnet.events.open import open_recording
 from etnet.events.recording import Recording
@@ -14,13 +17,46 @@ from etnet.events.view import View
 
 @dataclass(frozen=True)
 class Opening:
-    """How to take a file that does not say everything itself, and which part of it."""
+    """How to take a file that does not say everything itself, and which part of it. Errors name these options."""
 
-    assume: Assumptions = field(default_factory=Assumptions)
-    view: View = field(default_factory=View)
+    assume: str | None = None
+    """The sensor: width=640,height=480."""
+    sort: bool = False
+    """Put stamps in order; the whole file is loaded."""
+    drop_outside: bool = False
+    """Leave out events beyond the sensor; the whole file is loaded."""
+    polarity: Literal["auto", "inverted", "positive"] = "auto"
+    """"auto" takes 0/1 and −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON."""
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    """What the stamps count."""
+    region: tuple[int, int, int, int] | None = None
+    """x y width height, pixels."""
+    downsample: Literal[1, 2, 4] = 1
+    """Bin this many pixels a side into one."""
+    flip: Literal["none", "horizontal", "vertical", "both"] = "none"
+    rotate: Literal[0, 90, 180, 270] = 0
+    """Degrees clockwise."""
+
+    def assumptions(self) -> Assumptions:
+        """What is stated about the file."""
+        width, height = _sensor(self.assume)
+        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside)
+
+    def view(self) -> View:
+        """Which part of it is seen, and how."""
+        return View(self.region, self.downsample, self.flip, self.rotate)
+
+
+def _sensor(text: str | None) -> tuple[int | None, int | None]:
+    if text is None:
+        return None, None
+    found = re.fullmatch(r"width=(\d+),height=(\d+)", text.replace(" ", ""))
+    if found is None:
+        raise RecordingError(f"--assume {text!r} is not understood; it takes width=640,height=480")
+    return int(found[1]), int(found[2])
 
 
 def open_with_progress(path: Path, opening: Opening) -> Recording:
     """Open `path`, with a bar while a format without an index is decoded."""
     with fraction_callback(f"opening {path.name}") as progress:
-        return open_recording(path, assume=opening.assume, view=opening.view, progress=progress)
+        return open_recording(path, assume=opening.assumptions(), view=opening.view(), progress=progress)
