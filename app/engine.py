@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.prefetch import Prefetcher
+from app.recent import RecentFrames
 from app.studio import Library, Loader, Pace, Stage, Studio, is_exact
 from app.wishbook import Deliver, Turn, WishBook
 from app.wishes import Failed, Ready, Reply, Wish, Working
@@ -65,6 +66,7 @@ class Engine:
         self._book = WishBook()
         self._prefetcher = Prefetcher(self._studio, self._book) if prefetches else None
         self._to_prepare: tuple[str, str] | None = None
+        self._recent = RecentFrames()
         self._is_stopping = False
         self._is_loading = False
         self._reports: dict[tuple[object, ...], CacheReport] = {}
@@ -77,8 +79,18 @@ class Engine:
     # What other threads may call; none of it waits for the model.
 
     def request(self, visitor: str, wish: Wish, deliver: Deliver) -> None:
-        """Wish for something; the visitor's former wish, if it is not granted yet, is dropped."""
-        self._book.put(visitor, wish, deliver)
+        """Wish for something; the visitor's former wish, if it is not granted yet, is dropped.
+
+        A frame that was given lately is delivered at once, on the caller's thread: it need not wait for a step.
+        """
+        recent = self._recent.find(wish)
+        if recent is None:
+            self._book.put(visitor, wish, deliver)
+            return
+        turn = self._book.put(visitor, wish, deliver, is_shown=True)
+        _deliver(turn, recent)
+        if not wish.wants_attention:
+            self._book.settle(turn)
 
     def drop(self, visitor: str) -> None:
         """Forget a visitor who has left; work for him ends after the step that runs."""
@@ -155,7 +167,8 @@ class Engine:
             if attention is not None or not wish.wants_attention:
                 self._finish(turn, ready)
                 return
-            self._say(turn, ready)
+            if not turn.is_shown:
+                self._say(turn, ready)
         elif turn.num_turns == 1:
             self._preview(turn, stage)
         step = self._exact_step(turn, stage)
@@ -233,6 +246,8 @@ class Engine:
         return is_long and self._book.others_wait(turn)
 
     def _finish(self, turn: Turn, reply: Reply) -> None:
+        if isinstance(reply, Ready):
+            self._recent.keep(reply)
         if self._book.settle(turn):
             _deliver(turn, reply)
 

@@ -14,11 +14,15 @@ Deliver = Callable[[Reply], None]
 
 @dataclass(eq=False, slots=True)
 class Turn:
-    """One visitor's wish, from the asking to the granting. `num_turns`: how often work on it has begun."""
+    """One visitor's wish, from the asking to the granting. `num_turns`: how often work on it has begun.
+
+    `is_shown`: its frame was delivered already, and only what was wished for beside it is still to come.
+    """
 
     visitor: str
     wish: Wish
     deliver: Deliver
+    is_shown: bool = False
     num_turns: int = 0
     began: float = field(default_factory=time.monotonic)
 
@@ -33,13 +37,14 @@ class WishBook:
         self._served_at: dict[str, int] = {}
         self._clock = 0
 
-    def put(self, visitor: str, wish: Wish, deliver: Deliver) -> None:
+    def put(self, visitor: str, wish: Wish, deliver: Deliver, is_shown: bool = False) -> Turn:
         """Wish for something; what the visitor wished for before is forgotten."""
         with self.changed:
-            turn = Turn(visitor, wish, deliver)
+            turn = Turn(visitor, wish, deliver, is_shown)
             self._waiting[visitor] = self._last[visitor] = turn
             self._served_at.setdefault(visitor, 0)
             self.changed.notify_all()
+            return turn
 
     def drop(self, visitor: str) -> None:
         """Forget a visitor who has left."""

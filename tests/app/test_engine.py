@@ -80,6 +80,19 @@ def test_a_frame_that_is_held_costs_no_step(shelf, make_engine):
     assert (shelf.model_instance.encodes, shelf.model_instance.decodes) == (encodes, decodes)
 
 
+def test_a_frame_that_was_given_is_given_again_while_the_model_is_busy(shelf, make_engine):
+    engine, first, again = make_engine(), Inbox(), Inbox()
+    engine.request("ada", wish(5), first)
+    given = first.ready(5)
+    hold(shelf.model_instance)
+    engine.request("bob", wish(20), Inbox())
+    engine.request("ada", wish(5), again)
+    reply = again.replies[0]
+    assert np.array_equal(reply.frame, given.frame)
+    assert reply.is_exact
+    assert len(again.replies) == 1
+
+
 def test_of_many_wishes_only_the_newest_is_granted(shelf, make_engine):
     engine, inbox = make_engine(), Inbox()
     gate = hold(shelf.model_instance)
@@ -224,7 +237,7 @@ def test_attention_is_shared_between_visitors(shelf, make_engine):
     held = ada.ready(4).attention
     decodes = shelf.model_instance.decodes
     engine.request("bob", wish(4, wants_attention=True), bob)
-    assert bob.ready(4).attention is held
+    assert bob.wait(lambda r: isinstance(r, Ready) and r.attention is not None).attention is held
     assert shelf.model_instance.decodes == decodes
 
 

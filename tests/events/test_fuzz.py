@@ -17,7 +17,7 @@ from tests.real_data import real_file
 from tests.strategies import make_events
 
 ROUNDS = 12
-SLOW_ROUNDS = 1500
+SLOW_ROUNDS = 400
 
 WRITTEN = ("event_utils.h5", "dsec.hdf5", "aedat4.aedat4", "evt3.raw", "csv.csv", "npz.npz")
 MADE = ("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy")

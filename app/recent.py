@@ -1,0 +1,44 @@
+"""Frames that were given lately, at hand for any thread: they are shown again without waiting for the model."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import replace
+from threading import Lock
+
+from app.wishes import Ready, Wish
+
+LARGEST = 32 << 20
+"""Bytes of frames kept at hand; they are shared with the playback's own until it lets them go."""
+
+
+class RecentFrames:
+    """The newest exact replies by what was wished for, without their attention."""
+
+    def __init__(self, largest: int = LARGEST) -> None:
+        self._largest = largest
+        self._held: OrderedDict[tuple[object, ...], Ready] = OrderedDict()
+        self._nbytes = 0
+        self._lock = Lock()
+
+    def keep(self, ready: Ready) -> None:
+        """Keep a reply; previews are not worth it. The oldest go when there is no room."""
+        if ready.is_approximate:
+            return
+        key = _key(ready.wish)
+        with self._lock:
+            before = self._held.pop(key, None)
+            self._nbytes += ready.frame.nbytes - (0 if before is None else before.frame.nbytes)
+            self._held[key] = replace(ready, attention=None)
+            while self._nbytes > self._largest:
+                self._nbytes -= self._held.popitem(last=False)[1].frame.nbytes
+
+    def find(self, wish: Wish) -> Ready | None:
+        """The reply to the same wish, as it was given then."""
+        with self._lock:
+            ready = self._held.get(_key(wish))
+        return None if ready is None else replace(ready, wish=wish, milliseconds=0.0)
+
+
+def _key(wish: Wish) -> tuple[object, ...]:
+    return (*wish.playback, wish.index, wish.intervention)
