@@ -99,8 +99,8 @@ def photograph(browser, url: str, folder: Path, name: str, size: tuple[int, int]
     image = page.get_by_test_id("reconstruction").locator("img").first
     image.wait_for()
     page.get_by_test_id("lag").first.wait_for(state="hidden")
-    box = image.bounding_box()
-    page.mouse.click(box["x"] + box["width"] * CLICK[0], box["y"] + box["height"] * CLICK[1])
+    width, height = image.evaluate("image => [image.clientWidth, image.clientHeight]")
+    image.click(position={"x": width * CLICK[0], "y": height * CLICK[1]})
     if not is_phone:
         page.get_by_text("What pixel (").wait_for()
     found: list[str] = []
