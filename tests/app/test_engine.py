@@ -80,19 +80,6 @@ def test_a_frame_that_is_held_costs_no_step(shelf, make_engine):
     assert (shelf.model_instance.encodes, shelf.model_instance.decodes) == (encodes, decodes)
 
 
-def test_a_frame_that_was_given_is_given_again_while_the_model_is_busy(shelf, make_engine):
-    engine, first, again = make_engine(), Inbox(), Inbox()
-    engine.request("ada", wish(5), first)
-    given = first.ready(5)
-    hold(shelf.model_instance)
-    engine.request("bob", wish(20), Inbox())
-    engine.request("ada", wish(5), again)
-    reply = again.replies[0]
-    assert np.array_equal(reply.frame, given.frame)
-    assert reply.is_exact
-    assert len(again.replies) == 1
-
-
 def test_of_many_wishes_only_the_newest_is_granted(shelf, make_engine):
     engine, inbox = make_engine(), Inbox()
     gate = hold(shelf.model_instance)
