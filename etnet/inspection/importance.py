@@ -11,7 +11,7 @@ from torch import Tensor
 
 from etnet.nets.base import Reconstructor
 from etnet.nets.e2vid import E2VID
-from etnet.nets.etnet import NUM_LEVELS, ETNet
+from etnet.nets.etnet import ETNet
 from etnet.nets.intervention import Intervention
 from etnet.playback.playback import Playback
 
@@ -65,8 +65,8 @@ def ablations(model: Reconstructor) -> tuple[Ablation, ...]:
         scales = model.config.scale_indices
         if len(scales) > 1:  # taking the only scale away is taking TPA away
             parts += [Ablation(f"scale {scale}", Intervention(removed_scales=frozenset({scale}))) for scale in scales]
-    if isinstance(model, ETNet | E2VID) and model.config.skips:
-        levels = range(NUM_LEVELS, -1, -1)
+    if isinstance(model, ETNet | E2VID):
+        levels = sorted(model.config.skip_levels, reverse=True)
         parts += [Ablation(f"skip {level}", Intervention(removed_skips=frozenset({level}))) for level in levels]
     return tuple(parts)
 

@@ -35,14 +35,15 @@ def advance(
 
 
 def upsample(
-    image: Tensor, levels: tuple[Tensor, ...], blocks: Iterable[Module], removed_skips: frozenset[int]
+    image: Tensor, levels: tuple[Tensor, ...], blocks: Iterable[Module], skips: frozenset[int]
 ) -> Tensor:
-    """From the coarsest level up: add the skip of a level, double the size (paper, eq. 4); the head's skip is last."""
+    """From the coarsest level up: add a level's features where it is in `skips`, double the size (paper, eq. 4); the
+    head's are last."""
     for level, block in zip(reversed(range(1, len(levels))), blocks, strict=True):
-        if level not in removed_skips:
+        if level in skips:
             image = image + levels[level]
         image = block(image)
-    return image if 0 in removed_skips else image + levels[0]
+    return image + levels[0] if 0 in skips else image
 
 
 def check_voxel(voxel: Float[Tensor, "b bins h w"], bins: int) -> None:

@@ -54,6 +54,11 @@ class E2VIDConfig:
         """C_l = C₀·2ˡ."""
         return self.base_channels * 2**level
 
+    @property
+    def skip_levels(self) -> frozenset[int]:
+        """The levels whose features the decoder adds; 0 is the head."""
+        return frozenset(range(NUM_LEVELS + 1)) if self.skips else frozenset()
+
 
 E2VID_PLUS = E2VIDConfig(outputs=3, final="none", normalise_voxels=False, post_processing="none")
 
@@ -100,10 +105,9 @@ class E2VID(nn.Module):
         self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
     ) -> tuple[Float[Tensor, "b 1 h w"], Attention | None]:
         """Residual blocks and decoders. There is no attention to probe."""
-        removed = intervention.removed_skips if self.config.skips else frozenset(range(NUM_LEVELS + 1))
         with precision_of(self.runtime, pyramid.levels[0].device.type):
             image = self.residuals(pyramid.levels[NUM_LEVELS])
-            image = upsample(image, pyramid.levels, self.upsampler, removed)
+            image = upsample(image, pyramid.levels, self.upsampler, self.config.skip_levels - intervention.removed_skips)
         with torch.autocast(image.device.type, enabled=False):
             frame = self.tail(image.float())[:, :1]
             frame = torch.sigmoid(frame) if self.config.final == "sigmoid" else frame

@@ -42,6 +42,8 @@ class ETNetConfig:
     decoder_depth: int = 2
     skips: bool = True
     """Skip connections from the backbone to the upsampler."""
+    deepest_skip: int = NUM_LEVELS
+    """The coarsest level that has one. Ours: with 1, what levels 2 and 3 know reaches the image through TPA alone."""
     projects_coarsest: bool = False
     """A 1×1 projection at the coarsest scale, as the paper says; identity as it was released."""
     token_norm: bool = False
@@ -59,6 +61,8 @@ class ETNetConfig:
     def __post_init__(self) -> None:
         if not 1 <= self.scales <= NUM_LEVELS + 1:
             raise ModelError(f"ETNetConfig.scales is {self.scales}; it takes 1 … 4")
+        if not 0 <= self.deepest_skip <= NUM_LEVELS:
+            raise ModelError(f"ETNetConfig.deepest_skip is {self.deepest_skip}; it takes 0 … {NUM_LEVELS}")
         if self.dim % self.heads:
             raise ModelError(f"ETNetConfig.dim {self.dim} does not divide into {self.heads} heads")
         if self.encoder_depth < 1 or self.decoder_depth < 0:
@@ -71,6 +75,11 @@ class ETNetConfig:
     def channels(self, level: int) -> int:
         """C_l = C₀·2ˡ."""
         return self.base_channels * 2**level
+
+    @property
+    def skip_levels(self) -> frozenset[int]:
+        """The levels whose features the upsampler adds; 0 is the head."""
+        return frozenset(range(self.deepest_skip + 1)) if self.skips else frozenset()
 
     @property
     def scale_indices(self) -> tuple[int, ...]:
@@ -224,7 +233,6 @@ class ETNet(nn.Module):
 
     def _upsample(self, context: Tensor, levels: tuple[Tensor, ...], intervention: Intervention) -> Tensor:
         """Multi-level upsampler (paper, eq. 4); the last layer and the sigmoid in fp32."""
-        removed = intervention.removed_skips if self.config.skips else frozenset(range(NUM_LEVELS + 1))
-        image = upsample(context, levels, self.upsampler, removed)
+        image = upsample(context, levels, self.upsampler, self.config.skip_levels - intervention.removed_skips)
         with torch.autocast(image.device.type, enabled=False):
             return torch.sigmoid(self.tail(image.float()))

@@ -92,7 +92,8 @@ class ContextConfig:
     """
 
     skip_drop: float = 0.75
-    """Probability that an update goes without the skips from level 1, 2 or 3 (as likely each) downwards, at first …"""
+    """Probability that an update goes without the skips from level 1, 2 or 3 (as likely each, as far as the network has
+    them) downwards, at first …"""
     skip_drop_end: float = 0.3
     """… and from `skip_drop_updates` on. Skips that are always there carry the whole picture, and TPA is left to be a
     constant."""

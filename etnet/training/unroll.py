@@ -38,7 +38,8 @@ def draw_update(config: TrainConfig, update: int, lanes: Sequence[int]) -> Draw:
     scored = _draw_scored(config.truncate, config.loss.num_scored, uses_pairs, rng)
     dropped: frozenset[int] = frozenset()
     if rng.random() < skip_drop_at(config.context, update):
-        dropped = frozenset(range(int(rng.integers(1, NUM_LEVELS + 1)), NUM_LEVELS + 1))
+        deepest = max(1, config.network.deepest_skip)
+        dropped = frozenset(range(int(rng.integers(1, deepest + 1)), NUM_LEVELS + 1))
     placement = draw_placement(config.context, grid, rng)
     blind = None
     if rng.random() < config.context.blind_share:
