@@ -13,6 +13,7 @@ from jaxtyping import Float32
 
 from app.prefetch import Prefetcher
 from app.recent import RecentFrames
+from app.studies import Study, StudyBook, Tell
 from app.studio import Library, Loader, Pace, Stage, Studio, is_exact
 from app.wishbook import Deliver, Turn, WishBook
 from app.wishes import Failed, Ready, Reply, Wish, Working
@@ -64,6 +65,7 @@ class Engine:
     ) -> None:
         self._studio = Studio(library, budget_bytes, device, threads, load)
         self._book = WishBook()
+        self._studies = StudyBook(self._studio, self._book.changed)
         self._prefetcher = Prefetcher(self._studio, self._book) if prefetches else None
         self._to_prepare: tuple[str, str] | None = None
         self._recent = RecentFrames()
@@ -95,6 +97,15 @@ class Engine:
     def drop(self, visitor: str) -> None:
         """Forget a visitor who has left; work for him ends after the step that runs."""
         self._book.drop(visitor)
+        self._studies.drop(visitor)
+
+    def study(self, visitor: str, slot: str, study: Study, tell: Tell) -> None:
+        """Ask a longer question, answered bit by bit while nobody waits; it replaces the slot's former one."""
+        self._studies.put(visitor, slot, study, tell)
+
+    def drop_study(self, visitor: str, slot: str) -> None:
+        """The answer in this slot is not wanted any more."""
+        self._studies.drop(visitor, slot)
 
     def prepare(self, model_id: str, precision: str) -> None:
         """Load a model as soon as nobody waits, so that the first wish finds it."""
@@ -133,12 +144,14 @@ class Engine:
                 self._serve(turn)
             elif self._to_prepare is not None:
                 self._prepare_model()
+            elif self._studies.num_waiting:
+                self._studies.work(self._is_wanted_elsewhere)
             elif self._prefetcher is not None:
                 self._prefetcher.work(self._is_wanted_elsewhere, self._report)
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()
-        return bool(self._book.num_waiting or self._to_prepare or prefetches)
+        return bool(self._book.num_waiting or self._to_prepare or self._studies.num_waiting or prefetches)
 
     def _serve(self, turn: Turn) -> None:
         try:

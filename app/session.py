@@ -26,8 +26,10 @@ from app.opening import Opened, Opener, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.questions import questions
 from app.scene.space import Space
 from app.stage import Stage
+from app.studying import Found, Studying
 from app.view_state import Limits, ViewState, reduce
 from app.wishes import Failed, Ready, Reply, Wish, Working
 
@@ -52,7 +54,7 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = ask.Intent | Hello | Resized | AskHelp | Reply | Opened | Unopened | CanvasChanged | Closed
+Item = ask.Intent | Hello | Resized | AskHelp | Reply | Found | Opened | Unopened | CanvasChanged | Closed
 
 
 class Session:
@@ -69,6 +71,7 @@ class Session:
         self._opener = Opener(catalogue, self._mail.put)
         self._player = Player()
         self._answers = Answers()
+        self._studying = Studying(engine, self._visitor, self._mail.put)
         self._opened: Opened | None = None
         self._refused: Plan | None = None
         self._trouble = ""
@@ -143,6 +146,9 @@ class Session:
                 pass
             case Ready() | Working() | Failed():
                 self._is_dirty |= self._answers.take(item)
+                return
+            case Found():
+                self._is_dirty |= self._studying.take(item)
                 return
             case Opened() | Unopened():
                 self._settle(item)
@@ -253,6 +259,8 @@ class Session:
         )
         if self._answers.ask(wish):
             self._engine.request(self._visitor, wish, self._mail.put)
+        if not (self._is_moving() or state.is_playing):
+            self._studying.want(questions(state, wish))
 
     def _page(self, moment: Moment | None) -> Page:
         model = self._catalogue.model(self._state.model_id)
@@ -272,6 +280,7 @@ class Session:
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
+            findings=self._studying.findings,
         )
 
     def _notify(self, title: str, body: str) -> None:

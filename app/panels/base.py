@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -12,6 +12,7 @@ import viser
 from app.intents import Intent
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.timeline import Cached
+from app.studies import Finding
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.errors import EtnetError
@@ -49,6 +50,8 @@ class Page:
     models: tuple[Choice, ...] = ()
     trouble: str = ""
     """Why there is no moment, in plain words."""
+    findings: Mapping[str, Finding] = field(default_factory=dict)
+    """What is known of the studies that this view wants, by slot."""
 
 
 class Panel(Protocol):

@@ -34,9 +34,7 @@ def advance(
     return tuple(levels), State(tuple(memory))
 
 
-def upsample(
-    image: Tensor, levels: tuple[Tensor, ...], blocks: Iterable[Module], skips: frozenset[int]
-) -> Tensor:
+def upsample(image: Tensor, levels: tuple[Tensor, ...], blocks: Iterable[Module], skips: frozenset[int]) -> Tensor:
     """From the coarsest level up: add a level's features where it is in `skips`, double the size (paper, eq. 4); the
     head's are last."""
     for level, block in zip(reversed(range(1, len(levels))), blocks, strict=True):

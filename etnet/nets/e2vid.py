@@ -107,7 +107,9 @@ class E2VID(nn.Module):
         """Residual blocks and decoders. There is no attention to probe."""
         with precision_of(self.runtime, pyramid.levels[0].device.type):
             image = self.residuals(pyramid.levels[NUM_LEVELS])
-            image = upsample(image, pyramid.levels, self.upsampler, self.config.skip_levels - intervention.removed_skips)
+            image = upsample(
+                image, pyramid.levels, self.upsampler, self.config.skip_levels - intervention.removed_skips
+            )
         with torch.autocast(image.device.type, enabled=False):
             frame = self.tail(image.float())[:, :1]
             frame = torch.sigmoid(frame) if self.config.final == "sigmoid" else frame

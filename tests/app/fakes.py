@@ -132,3 +132,9 @@ class Inbox:
 
 def wish(index, recording="r", model="m", **more):
     return Wish(recording, model, "fp32", POLICY, index, **more)
+
+
+def hold(model):
+    """From now on each encode waits for a `release`; tells when one has begun through `model.entered`."""
+    model.gate = threading.Semaphore(0)
+    return model.gate

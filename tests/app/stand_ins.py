@@ -71,6 +71,7 @@ class InstantEngine:
     def __init__(self):
         self.wishes = []
         self.dropped = []
+        self.studies = []
         self.is_held = False
         self.failure = ""
 
@@ -90,6 +91,12 @@ class InstantEngine:
 
     def drop(self, visitor):
         self.dropped.append(visitor)
+
+    def study(self, visitor, slot, study, tell):
+        self.studies.append((visitor, slot, study))
+
+    def drop_study(self, visitor, slot):
+        self.studies.append((visitor, slot, None))
 
     def cached(self, wish):
         return None

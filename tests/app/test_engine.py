@@ -13,7 +13,7 @@ from etnet.nets.intervention import Intervention
 from etnet.reconstruction import window_voxel
 from etnet.windows import ByDuration, plan_windows
 
-from .fakes import POLICY, Inbox, Shelf, recording_of, wish
+from .fakes import POLICY, Inbox, Shelf, hold, recording_of, wish
 
 BUDGET = 64 << 20
 
@@ -37,12 +37,6 @@ def make_engine(shelf):
         if shelf.model_instance.gate is not None:
             shelf.model_instance.gate.release(10_000)
         engine.stop()
-
-
-def hold(model):
-    """From now on each encode waits for a `release`; tells when one has begun through `model.entered`."""
-    model.gate = threading.Semaphore(0)
-    return model.gate
 
 
 def sequential(shelf, index):

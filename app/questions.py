@@ -1,0 +1,22 @@
+"""Which studies a view wants: one small function for each part of the page that has any. All of them are pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from app.studies import Study
+from app.view_state import ViewState
+from app.wishes import Wish
+
+Asker = Callable[[ViewState, Wish], Mapping[str, Study]]
+"""(view, the wish for its moment) → studies by slot; none while its part of the page is closed."""
+
+ASKERS: tuple[Asker, ...] = ()
+
+
+def questions(state: ViewState, wish: Wish) -> dict[str, Study]:
+    """All studies that a view wants, by slot."""
+    wanted: dict[str, Study] = {}
+    for asker in ASKERS:
+        wanted.update(asker(state, wish))
+    return wanted

@@ -1,0 +1,185 @@
+"""Longer questions to the model: answers that grow while nobody waits for a frame.
+
+A study is a value, like a wish: equal studies have equal answers, which visitors share. It runs on the engine's
+thread as an iterator, one short stretch at a time; between two stretches wishes are granted.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from threading import Condition
+from typing import Any, Protocol
+
+from app.studio import Stage, Studio
+from app.wishes import Wish
+from etnet.errors import Cancelled, EtnetError, ModelError
+
+KEPT_BYTES = 64 << 20
+"""Whole answers that are kept for whoever asks again; the oldest go."""
+
+_log = logging.getLogger(__name__)
+
+
+class Study(Hashable, Protocol):
+    """A question about one moment, or about a stretch of a recording. Frozen; `slots=True` dataclasses do."""
+
+    @property
+    def wish(self) -> Wish:
+        """The moment it is about: whose playback it needs."""
+        ...
+
+    def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[object, float]]:
+        """The answer so far and the share done (0 … 1), again and again; the last one is whole.
+
+        Each stretch between two yields should be about one decode long. Whoever replays passes `cancelled` on; a
+        `Cancelled` that comes out begins the study anew later, when the states that were laid make it shorter.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """What is known of a study. `value` is `None` before anything is; `trouble` says why it never will be."""
+
+    study: Study
+    value: Any = None
+    share: float = 0.0
+    is_whole: bool = False
+    trouble: str = ""
+
+
+Tell = Callable[[str, Finding], None]
+"""Told the slot and the finding, on the engine's thread (at once, on the asker's, when the answer is known)."""
+
+
+@dataclass(eq=False, slots=True)
+class _Entry:
+    study: Study
+    tell: Tell
+    answers: Iterator[tuple[object, float]] | None = None
+    newest: tuple[object, float] = (None, 0.0)
+
+
+class StudyBook:
+    """One study a visitor and slot; a newer one replaces it. Slots take turns."""
+
+    def __init__(self, studio: Studio, changed: Condition) -> None:
+        self._studio = studio
+        self._changed = changed
+        self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
+        self._kept: OrderedDict[Study, tuple[Finding, int]] = OrderedDict()
+        self._kept_bytes = 0
+
+    def put(self, visitor: str, slot: str, study: Study, tell: Tell) -> None:
+        """Ask; what stood in the slot is forgotten. An answer that is known comes at once."""
+        with self._changed:
+            self._entries.pop((visitor, slot), None)
+            known = self._kept.get(study)
+            if known is None:
+                self._entries[visitor, slot] = _Entry(study, tell)
+                self._changed.notify_all()
+                return
+            self._kept.move_to_end(study)
+        _tell(tell, slot, known[0])
+
+    def drop(self, visitor: str, slot: str | None = None) -> None:
+        """Forget one question of a visitor, or all of them."""
+        with self._changed:
+            for key in [key for key in self._entries if key[0] == visitor and slot in (None, key[1])]:
+                del self._entries[key]
+
+    @property
+    def num_waiting(self) -> int:
+        """Studies that are not whole yet."""
+        with self._changed:
+            return len(self._entries)
+
+    def work(self, is_wanted_elsewhere: Callable[[], bool]) -> None:
+        """One stretch of the study whose turn it is. Called on the engine's thread alone."""
+        with self._changed:
+            if not self._entries:
+                return
+            key, entry = next(iter(self._entries.items()))
+            self._entries.move_to_end(key)
+        try:
+            self._advance(key, entry, is_wanted_elsewhere)
+        except Cancelled:
+            entry.answers = None
+        except EtnetError as error:
+            self._settle(key, entry, Finding(entry.study, trouble=str(error)))
+        except MemoryError:
+            trouble = "out of memory; start the viewer with a smaller --budget or with --downsample 2"
+            self._settle(key, entry, Finding(entry.study, trouble=trouble))
+        except Exception as error:
+            _log.exception("a study failed: %s", entry.study)
+            trouble = f"something unexpected went wrong ({type(error).__name__}: {error})"
+            self._settle(key, entry, Finding(entry.study, trouble=trouble))
+
+    def _advance(self, key: tuple[str, str], entry: _Entry, is_wanted_elsewhere: Callable[[], bool]) -> None:
+        if entry.answers is None:
+            self._studio.start()
+            stage = self._studio.stage(entry.study.wish)
+            _check_index(entry.study.wish, stage)
+            entry.answers = entry.study.run(stage, lambda: is_wanted_elsewhere() or not self._holds(key, entry))
+        answer = next(entry.answers, None)
+        if answer is not None:
+            entry.newest = answer
+            if answer[1] < 1.0:
+                if self._holds(key, entry):
+                    _tell(entry.tell, key[1], Finding(entry.study, *answer))
+                return
+        value, _ = entry.newest
+        finding = Finding(entry.study, value, 1.0, is_whole=True)
+        self._keep(finding)
+        self._settle(key, entry, finding)
+
+    def _holds(self, key: tuple[str, str], entry: _Entry) -> bool:
+        with self._changed:
+            return self._entries.get(key) is entry
+
+    def _settle(self, key: tuple[str, str], entry: _Entry, finding: Finding) -> None:
+        with self._changed:
+            if self._entries.get(key) is not entry:
+                return
+            del self._entries[key]
+        _tell(entry.tell, key[1], finding)
+
+    def _keep(self, finding: Finding) -> None:
+        size = num_bytes(finding.value)
+        with self._changed:
+            if finding.study in self._kept or size > KEPT_BYTES:
+                return
+            self._kept[finding.study] = (finding, size)
+            self._kept_bytes += size
+            while self._kept_bytes > KEPT_BYTES:
+                self._kept_bytes -= self._kept.popitem(last=False)[1][1]
+
+
+def num_bytes(value: object) -> int:
+    """The bytes of all arrays and tensors in a value, through dataclasses, mappings and sequences; 64 for the rest."""
+    if isinstance(value, bytes | bytearray):
+        return len(value)
+    if (size := getattr(value, "nbytes", None)) is not None:
+        return int(size)
+    if is_dataclass(value):
+        return sum(num_bytes(getattr(value, entry.name)) for entry in fields(value))
+    if isinstance(value, dict):
+        return sum(num_bytes(item) for item in value.values())
+    if isinstance(value, list | tuple | set | frozenset):
+        return sum(num_bytes(item) for item in value)
+    return 64
+
+
+def _check_index(wish: Wish, stage: Stage) -> None:
+    if not 0 <= wish.index < len(stage.windows):
+        raise ModelError(f"window {wish.index} does not exist; this plan has {len(stage.windows)}")
+
+
+def _tell(tell: Tell, slot: str, finding: Finding) -> None:
+    try:
+        tell(slot, finding)
+    except Exception:
+        _log.info("a finding could not be delivered", exc_info=True)
