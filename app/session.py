@@ -88,7 +88,8 @@ class Session:
         self._layout.arrange(default.workspace)
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
-        threading.Thread(target=self._run, daemon=True, name=self._visitor).start()
+        self._thread = threading.Thread(target=self._run, daemon=True, name=self._visitor)
+        self._thread.start()
 
     def close(self) -> None:
         """The visitor has gone: nothing more is computed for him."""
@@ -258,9 +259,16 @@ class Session:
             state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
         )
         if self._answers.ask(wish):
-            self._engine.request(self._visitor, wish, self._mail.put)
+            self._engine.request(self._visitor, wish, self._hear)
         if not (self._is_moving() or state.is_playing):
             self._studying.want(questions(state, wish))
+
+    def _hear(self, reply: Reply) -> None:
+        """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
+        if threading.current_thread() is self._thread:
+            self._answers.take(reply)
+        else:
+            self._mail.put(reply)
 
     def _page(self, moment: Moment | None) -> Page:
         model = self._catalogue.model(self._state.model_id)
