@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar, get_args
 
 from app import intents as ask
@@ -77,7 +77,7 @@ class ViewState:
     camera: ask.Camera = "orbit"
     shows_events: bool = True
     voxel_bin: int | None = None
-    inside: InsideView = InsideView()
+    inside: InsideView = field(default_factory=InsideView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:

@@ -143,13 +143,11 @@ class GivenStudy:
         height, width = given.voxel.shape[-2:]
         tokens = token_map(playback.model, height, width)
         seen = None if tokens.seen is None else tokens.seen.numpy()
-        num_seen = None if seen is None else int(seen.sum())
         is_normalised = bool(playback.model.normalise_voxels)
         top, left = given.grid.top, given.grid.left
-        yield (
-            Given(_array(given.padded), top, left, given.limit, is_normalised, num_seen, seen, tokens.seen_source),
-            1.0,
-        )
+        below, right = given.padded.shape[1] - height - top, given.padded.shape[2] - width - left
+        borders = (top, below, left, right)
+        yield Given(_array(given.padded), borders, given.limit, is_normalised, seen, tokens.seen_source), 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,13 @@ from app.panels.base import Dispatch, Html, Page, assign, on_visitor
 from app.present.attention_maps import base_url
 from app.present.change import change_html
 from app.present.found import Anatomy
+from app.present.given import given_html
 from app.present.html import empty, escape, panel
 from app.present.inside import choose_pixel, stale_line, under_way
 from app.present.matters import attended_html, matters_html
+from app.present.moment import Moment
+from app.present.state import channels_html, remembered_html
+from app.present.traced import traced_html
 from app.studies import Finding
 
 INSPECTORS: dict[Inspector, str] = {
@@ -59,6 +63,14 @@ def inspector_html(page: Page) -> str:
             return _matters(page)
         case "change":
             return _change(page)
+        case "events":
+            return _events(page)
+        case "input":
+            return _input(page, page.moment)
+        case "state":
+            return _state(page)
+        case "memory":
+            return _memory(page)
     return panel("inside-empty", _CLOSED)
 
 
@@ -109,6 +121,57 @@ def _change(page: Page) -> str:
         is_whole=found is not None and found.is_whole,
         on_pick=ON_PICK,
     )
+
+
+def _events(page: Page) -> str:
+    found = page.findings.get("inside.traced")
+    num_back = page.state.inside.num_back
+    if page.state.query is None:
+        why = "Its gradient is then followed back to every event that had a part in it."
+        return panel("traced", choose_pixel(why)) + traced_html(None, None, num_back, ON_PICK)
+    body = _awaited(found, "following the gradient back", page)
+    value = None if found is None else found.value
+    return body + traced_html(value, None if found is None else found.study, num_back, ON_PICK)
+
+
+def _input(page: Page, moment: Moment) -> str:
+    found = page.findings.get("inside.given")
+    body = _awaited(found, "reading the events", page)
+    if found is None or found.value is None:
+        return body
+    study: Any = found.study
+    if study.wish.index != page.state.index:
+        return body  # its pixel's events would be another window's
+    is_edited = not page.state.inside.change.at(page.state.index).edit.changes_nothing
+    return body + given_html(found.value, found.study, moment, page.state.query, is_edited)
+
+
+def _state(page: Page) -> str:
+    anatomy, found = page.findings.get("inside.anatomy"), page.findings.get("inside.channels")
+    if anatomy is None or anatomy.value is None:
+        return _awaited(anatomy, "looking at the network", page)
+    if not anatomy.value.num_levels:
+        said = f"{anatomy.value.name} has no ConvLSTM levels, so there are no gates and cells to show."
+        return panel("channels", empty("No such memory", said))
+    inside = page.state.inside
+    return _awaited(found, "recomputing the gates", page) + channels_html(
+        anatomy.value,
+        None if found is None else found.value,
+        None if found is None else found.study,
+        level=inside.level,
+        plane=inside.plane,
+        chosen=inside.channel,
+        query=page.state.query,
+        on_pick=ON_PICK,
+    )
+
+
+def _memory(page: Page) -> str:
+    found = page.findings.get("inside.remembered")
+    body = _awaited(found, "starting cold, one depth after the other", page)
+    if found is None or found.value is None:
+        return body
+    return body + remembered_html(found.value, found.study, page.state.query, ON_PICK)
 
 
 def _awaited(found: Finding | None, what: str, page: Page) -> str:

@@ -1,4 +1,4 @@
-"""One attention map: which row it is, how it is coloured, what it amounts to. The panels of attention are made of these."""
+"""One attention map: which row it is, how it is coloured, what it amounts to. The panels are made of these."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def pinned_row(ready: Ready, attention: Attention, pinned: PinnedMap) -> Float[n
 
 
 def head_words(head: int | None, gather: Gather, num_heads: int | None = None) -> str:
-    """"head 3", or "mean of all heads"."""
+    """ "head 3", or "mean of all heads"."""
     return GATHERED[gather] if head is None or (num_heads is not None and head >= num_heads) else f"head {head + 1}"
 
 

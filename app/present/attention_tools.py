@@ -53,7 +53,9 @@ def attention_tools_html(
     scales: dict[object, str] = {False: "logarithmic", True: "linear"}
     grains: dict[object, str] = {False: "tokens", True: "smooth"}
     rows.append(
-        buttons("Colours", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth))
+        buttons(
+            "Colours", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth)
+        )
     )
     return panel("attention-tools", *rows)
 
@@ -78,7 +80,9 @@ def pinned_html(ready: Ready | None, look: AttentionLook | None, inside: InsideV
             f"<b>{slot.upper()}</b> {escape(words)}<br>{head_words(pin.head, pin.gather)}<br>"
             f"from ({pin.query[0]}, {pin.query[1]}) · {facts}"
         )
-        cells.append(f'<figure class="et-thumb">{map_}<figcaption class="et-label">{label}</figcaption>{let_go}</figure>')
+        cells.append(
+            f'<figure class="et-thumb">{map_}<figcaption class="et-label">{label}</figcaption>{let_go}</figure>'
+        )
     body = f'<div class="et-pair">{"".join(cells)}</div>'
     if len(rows) == 2:
         body += _difference(ready, rows["a"], rows["b"])

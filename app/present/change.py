@@ -86,7 +86,9 @@ def _state(change: Change, index: int, on_pick: str) -> str:
         )
     ahead = ""
     if change.at(index).is_nothing:
-        ahead = f'<div class="et-note">It begins at window {count(change.since or 0)}: here the image is original.</div>'
+        ahead = (
+            f'<div class="et-note">It begins at window {count(change.since or 0)}: here the image is original.</div>'
+        )
     return (
         f'<div class="et-changed" data-testid="changed"><span>{escape(change_words(change))}</span>'
         f"{button('Put everything back', 'back', on_pick, classes='et-strong')}</div>{ahead}"

@@ -1,4 +1,4 @@
-"""What looking inside has found, as plain values: studies make them, the pictures of the inspectors are drawn from them.
+"""What looking inside has found, as plain values: studies make them, inspectors are drawn from them.
 
 Arrays are read-only float32 at sensor size ("h w") unless they say otherwise; frames are raw (0 … 1).
 """
@@ -91,14 +91,13 @@ class Given:
     """The exact tensor that the network got for one window."""
 
     padded: Float32[np.ndarray, "bins hp wp"]
-    top: int
-    left: int
+    borders: tuple[int, int, int, int]
+    """Rows and columns of zeros: above, below, left, right."""
     limit: float
     """Colours run from −limit to +limit; 0 for an empty window."""
     is_normalised: bool
-    num_seen: int | None
-    """Tokens whose position was met in training; `None` for a network without positions."""
     seen: Bool[np.ndarray, "rows columns"] | None
+    """Tokens whose position was met in training; `None` for a network without positions."""
     seen_source: str
 
 

@@ -65,7 +65,9 @@ def signed_bar(value: float, limit: float) -> str:
     share = 50 * min(abs(value) / limit, 1.0) if limit > 0 else 0.0
     colour = hexadecimal(ON if value > 0 else OFF)
     left = 50 if value > 0 else 50 - share
-    return f'<span class="et-meter"><i style="left:{left:.1f}%;width:{share:.1f}%;background:{colour}"></i><u></u></span>'
+    return (
+        f'<span class="et-meter"><i style="left:{left:.1f}%;width:{share:.1f}%;background:{colour}"></i><u></u></span>'
+    )
 
 
 def plain_bar(value: float, limit: float) -> str:

@@ -76,7 +76,7 @@ def composite(
     query: tuple[int, int] | None,
     is_smooth: bool = False,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """One map over the dimmed frame at sensor size, the query (x, y) marked: `patch` whole pixels a token, or smooth."""
+    """One map over the dimmed frame, the query (x, y) marked: `patch` whole pixels a token, or smooth."""
     height, width = frame.shape
     if is_smooth:
         large = cv2.resize(tokens, None, fx=patch, fy=patch, interpolation=cv2.INTER_LINEAR)
