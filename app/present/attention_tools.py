@@ -48,13 +48,13 @@ def attention_tools_html(
         rows.append(buttons("This map", pins, "Pin two maps, of any sites, heads or pixels, to see A − B."))
         ways: dict[object, str] = {"reads": "what it reads", "read by": "who reads it"}
         rows.append(buttons("Direction", choices("direction", ways, inside.direction)))
-    rows.append(buttons("Of all heads, the", choices("gather", {**_GATHER}, inside.gather)))
+    rows.append(buttons("Over heads", choices("gather", {**_GATHER}, inside.gather)))
     rows.append(buttons("Order", choices("order", {**_ORDER}, inside.order)))
     scales: dict[object, str] = {False: "logarithmic", True: "linear"}
     grains: dict[object, str] = {False: "tokens", True: "smooth"}
     rows.append(
         buttons(
-            "Colours", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth)
+            "Drawn", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth)
         )
     )
     return panel("attention-tools", *rows)

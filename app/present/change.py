@@ -17,7 +17,7 @@ from app.present.inside import (
     under_way,
 )
 from app.present.pictures import Tones
-from app.present.words import count, milliseconds, resolution
+from app.present.words import count, milliseconds, resolution, short
 from etnet.nets.intervention import Intervention
 from etnet.render.tone import tone_map
 
@@ -74,7 +74,7 @@ def change_words(change: Change) -> str:
             said.append(f"{len(members)} × {words}")
     for share, words in ((edit.drop, "left out"), (edit.invert, "turned"), (edit.jitter, "moved in time")):
         if share:
-            said.append(f"{share:.0%} of the events {words}")
+            said.append(f"{share * 100:.0f} % of the events {words}")
     return " · ".join(said)
 
 
@@ -113,7 +113,7 @@ def _outcome(outcome: Outcome, key: object, tones: Tones, is_whole: bool) -> str
     mean = percent(float(abs(difference).mean()), is_signed=False)
     numbers = (
         f'<div class="et-caption" data-testid="outcome"><span>mean change <b>{mean}</b></span>'
-        f"<span>MSE <b>{outcome.mse:.2e}</b></span><span>LPIPS <b>{lpips}</b></span></div>"
+        f"<span>MSE <b>{short(outcome.mse)}</b></span><span>LPIPS <b>{lpips}</b></span></div>"
     )
     return (
         f'<div class="et-three">{cells}</div>{numbers}{signed_legend("the changed image is", limit)}'
@@ -131,11 +131,8 @@ def _reach(change: Change, index: int, on_pick: str) -> str:
     content = button("in each window by itself", "carry:off", on_pick, is_on=not is_carried) + button(
         f"from window {count(start)} on", "carry:on", on_pick, is_on=is_carried
     )
-    why = (
-        "By itself: the memory up to each window is the original. From a window on: changed memory and events are "
-        "carried into all later windows."
-    )
-    return buttons("How far it reaches", content, why)
+    why = "From a window on: what memory and events were changed to is carried into all later windows."
+    return buttons("Reach", content, why)
 
 
 def _switches(anatomy: Anatomy, intervention: Intervention, site: str, on_pick: str) -> list[str]:
@@ -152,26 +149,21 @@ def _switches(anatomy: Anatomy, intervention: Intervention, site: str, on_pick: 
         rows.append(buttons("Take away", "".join(parts)))
     if anatomy.skips:
         skips = "".join(switch(resolution(level), f"skip {level}") for level in anatomy.skips)
-        rows.append(buttons("Take away the skip at", skips))
+        rows.append(buttons("Take skip away", skips))
     if anatomy.sites:
         name = site if site in anatomy.sites else anatomy.sites[0]
-        even = switch("all attention even", "uniform", "Every place is read alike, everywhere")
+        even = switch("even everywhere", "uniform", "Every place is read alike, everywhere")
         own = switch("this one out", f"site {name}") + switch("this one even", f"alike {name}")
-        rows.append(buttons("Attention", even))
+        rows.append(buttons("All attention", even))
         heads = "".join(switch(str(head + 1), f"head {name} {head}") for head in range(anatomy.num_heads))
-        rows.append(
-            buttons(
-                site_words(name, anatomy.sites),
-                f'{own}<span class="et-note">mute head</span>{heads}',
-                "Another one: click its map under Attention.",
-            )
-        )
+        words = f"{site_words(name, anatomy.sites)}. For another, click its map under Attention."
+        rows.append(buttons("One attention", f'{own}<span class="et-note">mute head</span>{heads}', words))
     if anatomy.num_levels:
         levels = range(anatomy.num_levels, 0, -1)
         empty = "".join(switch(resolution(level), f"zero {level}") for level in levels)
         freeze = "".join(switch(resolution(level), f"freeze {level}") for level in levels)
-        rows.append(buttons("Empty the memory at", empty))
-        rows.append(buttons("Freeze the memory at", freeze))
+        rows.append(buttons("Empty memory", empty))
+        rows.append(buttons("Freeze memory", freeze))
     if not anatomy.sites:
         said = f"{anatomy.name} has no attention" + ("" if anatomy.num_levels else " and no ConvLSTM memory to change")
         rows.append(f'<div class="et-note" data-testid="lacks">{escape(said)}.</div>')
@@ -181,10 +173,12 @@ def _switches(anatomy: Anatomy, intervention: Intervention, site: str, on_pick: 
 def _events(change: Change, on_pick: str) -> str:
     edit = change.edit
     rows: list[str] = []
-    for name, words in (("drop", "Leave out events"), ("invert", "Turn their sign"), ("jitter", "Move in time")):
+    for name, words in (("drop", "Drop events"), ("invert", "Invert them"), ("jitter", "Move in time")):
         held = getattr(edit, name)
         content = "".join(
-            button("none" if not share else f"{share:.0%}", f"edit:{name}:{share}", on_pick, is_on=held == share)
+            button(
+                "none" if not share else f"{share * 100:.0f} %", f"edit:{name}:{share}", on_pick, is_on=held == share
+            )
             for share in SHARES
         )
         if name == "jitter":

@@ -25,7 +25,7 @@ def traced_html(traced: Traced | None, key: object, num_back: int, on_pick: str)
         button("this window" if back == 0 else f"{back} back", f"set:num_back:{back}", on_pick, is_on=back == num_back)
         for back in BACK
     )
-    choice = buttons("Trace back through", far)
+    choice = buttons("Trace back", far)
     if traced is None:
         return panel("traced", choice)
     height, width = traced.windows[0].events.sensor.height, traced.windows[0].events.sensor.width
