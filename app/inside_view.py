@@ -11,7 +11,7 @@ from typing import Literal, cast, get_args
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 
-Inspector = Literal["none", "matters", "change", "events", "input", "state", "memory"]
+Inspector = Literal["none", "matters", "change", "events", "input", "state", "memory", "rollout", "time"]
 Gather = Literal["mean", "max", "min"]
 Order = Literal["network", "entropy", "distance"]
 Direction = Literal["reads", "read by"]
@@ -82,6 +82,8 @@ class InsideView:
     plane: Plane = "hidden"
     channel: int = 0
     """Counted from the channel of most energy."""
+    discard: int = 0
+    """Per cent of the smallest weights that a rollout leaves out."""
 
     def anew(self) -> InsideView:
         """Another network or recording: nothing is changed, nothing pinned."""
@@ -321,5 +323,6 @@ _CHOSEN: Mapping[str, Callable[[str], object]] = {
     "level": _whole(1, 3),
     "plane": _word(Plane),
     "channel": _whole(0, MOST_CHANNELS),
+    "discard": _whole(0, 95),
 }
 assert set(_CHOSEN) == {entry.name for entry in fields(InsideView)} - {"change", "pin_a", "pin_b"}

@@ -17,6 +17,7 @@ from app.present.html import empty, escape, panel
 from app.present.inside import choose_pixel, stale_line, under_way
 from app.present.matters import attended_html, matters_html
 from app.present.moment import Moment
+from app.present.paths import followed_html, rolled_html
 from app.present.state import channels_html, remembered_html
 from app.present.traced import traced_html
 from app.studies import Finding
@@ -29,6 +30,8 @@ INSPECTORS: dict[Inspector, str] = {
     "input": "What the network is given",
     "state": "Its memory, channel by channel",
     "memory": "How far back it remembers",
+    "rollout": "All attention rolled into one map",
+    "time": "Its attention through time",
 }
 _CLOSED = empty(
     "Look inside the network",
@@ -71,6 +74,8 @@ def inspector_html(page: Page) -> str:
             return _state(page)
         case "memory":
             return _memory(page)
+        case "rollout" | "time":
+            return _paths(page)
     return panel("inside-empty", _CLOSED)
 
 
@@ -164,6 +169,28 @@ def _state(page: Page) -> str:
         query=page.state.query,
         on_pick=ON_PICK,
     )
+
+
+def _paths(page: Page) -> str:
+    anatomy, inside, query = page.findings.get("inside.anatomy"), page.state.inside, page.state.query
+    if anatomy is not None and anatomy.value is not None and not anatomy.value.sites:
+        return panel("rolled", empty("No attention", f"{anatomy.value.name} is made of convolutions alone."))
+    if page.look is None or query is None:
+        return panel("rolled", choose_pixel("Its attention is then followed through the network."))
+    if inside.opened == "time":
+        found = page.findings.get("inside.followed")
+        body = _awaited(found, "following it, window by window", page)
+        if found is None or found.value is None or anatomy is None or anatomy.value is None:
+            return body
+        study: Any = found.study
+        return body + followed_html(found.value, study, study.site, anatomy.value.sites, study.pixel)
+    found = page.findings.get("inside.rolled")
+    body = _awaited(found, "multiplying the maps of all layers", page)
+    if page.ready is None or page.ready.attention is None:
+        return body
+    value = None if found is None else found.value
+    base = base_url(page.ready, page.ready.attention, page.look.tones)
+    return body + rolled_html(value, page.ready, page.look, inside.discard, base, ON_PICK)
 
 
 def _memory(page: Page) -> str:

@@ -87,6 +87,35 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RolledOut:
+    """How much each token that enters TPA, scale by scale, takes part in the pixel's token that leaves it."""
+
+    scales: tuple[int, ...]
+    weights: Float32[np.ndarray, "scales tokens"]
+    """Sums to 1 over both."""
+    discard: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """One pixel's attention at one site, the mean of its heads, window after window."""
+
+    indices: tuple[int, ...]
+    stamps: tuple[int, ...]
+    """µs, when each window ends."""
+    along_row: Float32[np.ndarray, "windows columns"]
+    """On the token row of the pixel, in × uniform."""
+    entropy: Float32[np.ndarray, " windows"]
+    """Bits, the mean over heads."""
+    near: Float32[np.ndarray, " windows"]
+    """The share that falls within `reach` pixels of the pixel, a square."""
+    even: float
+    """What would fall there if all tokens were read alike."""
+    num_tokens: int
+    reach: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Given:
     """The exact tensor that the network got for one window."""
 

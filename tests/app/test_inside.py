@@ -28,7 +28,7 @@ from app.inside_view import (
     reduce_inside,
     switched,
 )
-from app.looking import inside as looking
+from app.looking import memory, parts, pixel
 from app.panels.base import Page
 from app.panels.inside import inspector_html
 from app.present import AttentionLook, Moment, Tones
@@ -86,9 +86,13 @@ def ready(stage):
     return Ready(wish_of(5), step.frame[0, 0].numpy(), step.attention, 1.0, True, False, False, stage.contract, 5)
 
 
+def moment_of(stage):
+    return Moment("r", POLICY, 5, stage.playback.recording, stage.playback.windows)
+
+
 @pytest.fixture
 def moment(stage):
-    return Moment("r", POLICY, 5, stage.playback.recording, stage.playback.windows)
+    return moment_of(stage)
 
 
 # ---- what is asked and changed ----
@@ -229,29 +233,29 @@ def test_a_branch_takes_its_bytes_from_its_playbacks_share():
 
 
 def test_what_a_part_is_worth_is_the_frame_without_it_minus_the_frame(stage):
-    parts = whole(looking.MattersStudy(wish_of(4)), stage)
-    names = [part.name for part in parts]
+    found = whole(parts.MattersStudy(wish_of(4)), stage)
+    names = [part.name for part in found]
     assert {"TPA", "attention made uniform", "decoders", "scale 3", "skip 0"} <= set(names)
     original = stage.playback.at(4).frame
     without = stage.playback.at(4, intervention=Intervention(without_context=True)).frame
-    assert np.array_equal(parts[names.index("TPA")].difference, (without - original)[0, 0].numpy())
+    assert np.array_equal(found[names.index("TPA")].difference, (without - original)[0, 0].numpy())
 
 
 def test_an_outcome_says_how_far_the_changed_frame_lies_from_the_original(stage):
-    study = looking.OutcomeStudy(wish_of(4, intervention=Intervention(without_context=True)))
+    study = parts.OutcomeStudy(wish_of(4, intervention=Intervention(without_context=True)))
     outcome = whole(study, stage)
     apart = outcome.changed - outcome.original
     assert outcome.mse == pytest.approx(float((apart**2).mean()), rel=1e-5)
     assert outcome.mse > 0
     assert outcome.lpips is None  # 21 rows are too few for it
     same = torch.rand(1, 1, 40, 40)
-    assert looking.perceptual(same, same) == pytest.approx(0, abs=1e-6)
+    assert parts.perceptual(same, same) == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("preset", "sites", "levels"), [("tiny", 9, 3), ("e2vid", 0, 3), ("firenet", 0, 0)])
 def test_the_anatomy_is_what_the_network_really_has(preset, sites, levels):
     model = build_model(preset)
-    found = looking.anatomy(model)
+    found = parts.anatomy(model)
     assert (len(found.sites), found.num_levels) == (sites, levels)
     if sites:
         probed = small_playback(preset).at(0, AttentionProbe()).attention
@@ -260,7 +264,7 @@ def test_the_anatomy_is_what_the_network_really_has(preset, sites, levels):
 
 
 def test_deeper_memory_is_added_one_depth_after_the_other(stage):
-    answers = [answer for answer, _ in looking.RememberedStudy(wish_of(5)).run(stage, lambda: False)]
+    answers = [answer for answer, _ in memory.RememberedStudy(wish_of(5)).run(stage, lambda: False)]
     assert [answer.depths for answer in answers] == [(0,), (0, 1), (0, 1, 2), (0, 1, 2, 4)]
     assert set(np.unique(answers[-1].needed)) <= {-1, 0, 1, 2, 4}
     assert len(answers[-1].mean_absolute) == 4
@@ -275,25 +279,25 @@ def page_of(state, moment, ready, **findings):
 
 
 def test_every_part_has_a_row_and_the_verdict_names_what_decides(stage):
-    parts = whole(looking.MattersStudy(wish_of(4)), stage)
-    page = Checker(matters_html(parts, "key", query=QUERY, on_pick=PICK))
-    assert len(page.by_testid("part")) == len(parts)
+    found = whole(parts.MattersStudy(wish_of(4)), stage)
+    page = Checker(matters_html(found, "key", query=QUERY, on_pick=PICK))
+    assert len(page.by_testid("part")) == len(found)
     assert len(page.by_testid("verdict")) == 1
     x, y = QUERY
-    most = max(parts, key=lambda part: abs(part.difference[y, x]))
+    most = max(found, key=lambda part: abs(part.difference[y, x]))
     assert f"inside:set:part:{most.name}" in page.keys
 
 
 def test_attention_that_changes_nothing_visible_is_said_to_explain_nothing(stage):
-    parts = tuple(
+    found = tuple(
         replace(part, difference=part.difference * (1e-6 if part.name in ("TPA", "attention made uniform") else 1))
-        for part in whole(looking.MattersStudy(wish_of(4)), stage)
+        for part in whole(parts.MattersStudy(wish_of(4)), stage)
     )
-    assert "attention explains nothing here" in Checker(matters_html(parts, "quiet", query=QUERY)).text
+    assert "attention explains nothing here" in Checker(matters_html(found, "quiet", query=QUERY)).text
 
 
 def test_what_is_looked_at_stands_beside_what_is_handed_over(stage, ready):
-    attended = whole(looking.AttendedStudy(wish_of(5)), stage)
+    attended = whole(parts.AttendedStudy(wish_of(5)), stage)
     assert set(attended.sinks) == set(ready.attention.sites)
     page = Checker(attended_html(attended, SITE, AttentionLook(QUERY), "key", base="x"))
     assert "looked at" in page.text
@@ -302,7 +306,7 @@ def test_what_is_looked_at_stands_beside_what_is_handed_over(stage, ready):
 
 
 def test_a_switched_button_says_so_and_everything_can_be_put_back(stage):
-    anatomy = looking.anatomy(stage.playback.model)
+    anatomy = parts.anatomy(stage.playback.model)
     change = Change(
         Intervention(removed_skips=frozenset({1}), masked_heads=frozenset({(SITE, 2)})), EventEdit(drop=0.5)
     )
@@ -322,8 +326,8 @@ def test_a_switched_button_says_so_and_everything_can_be_put_back(stage):
 
 
 def test_a_network_without_attention_or_memory_says_so(moment):
-    firenet = looking.anatomy(build_model("firenet"))
-    study = looking.AnatomyStudy(wish_of(0))
+    firenet = parts.anatomy(build_model("firenet"))
+    study = parts.AnatomyStudy(wish_of(0))
     for opened, words in (("change", "has no attention"), ("state", "no ConvLSTM")):
         state = ViewState(inside=InsideView(opened=opened))
         assert words in Checker(inspector_html(page_of(state, moment, None, anatomy=(study, firenet)))).text
@@ -371,7 +375,7 @@ def test_who_reads_a_token_is_its_column_of_the_map(ready):
 
 
 def test_the_cloud_holds_the_events_that_the_pixel_owes_most(stage):
-    study = looking.TracedStudy(wish_of(5), QUERY, 2)
+    study = pixel.TracedStudy(wish_of(5), QUERY, 2)
     traced = whole(study, stage)
     assert [window.index for window in traced.windows] == [3, 4, 5]
     cloud = traced_cloud(traced, study, 100)
@@ -385,7 +389,7 @@ def test_the_cloud_holds_the_events_that_the_pixel_owes_most(stage):
 
 
 def test_the_given_tensor_shows_every_event_of_the_pixel_and_its_votes(stage, moment):
-    study = looking.GivenStudy(wish_of(5))
+    study = memory.GivenStudy(wish_of(5))
     given_ = whole(study, stage)
     assert given_.padded.shape[1:] == (24, 40)
     assert given_.borders == (2, 1, 1, 1)
@@ -401,23 +405,58 @@ def test_the_given_tensor_shows_every_event_of_the_pixel_and_its_votes(stage, mo
 
 @pytest.mark.parametrize("plane", ["hidden", "cell", "enter", "forget", "out", "candidate"])
 def test_channels_come_by_energy_in_the_networks_own_numbers(stage, moment, plane):
-    study = looking.ChannelsStudy(wish_of(5), 2, plane)
+    study = memory.ChannelsStudy(wish_of(5), 2, plane)
     channels = whole(study, stage)
     assert (np.diff(channels.energy) <= 0).all()
     if plane == "hidden":
         hidden = stage.playback.state(5).tensors[2][0]
         assert np.array_equal(channels.values[0], hidden[int(channels.order[0])].numpy())
     state = ViewState(query=QUERY, inside=InsideView(opened="state", plane=plane, level=2, channel=1))
-    anatomy = (looking.AnatomyStudy(wish_of(0)), looking.anatomy(stage.playback.model))
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
     page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, channels=(study, channels))))
     assert "no. 2 by energy" in page.text
 
 
 def test_the_memory_of_the_clicked_pixel_is_said(stage, moment):
-    study = looking.RememberedStudy(wish_of(5))
+    study = memory.RememberedStudy(wish_of(5))
     found = whole(study, stage)
     state = ViewState(query=QUERY, index=5, inside=InsideView(opened="memory"))
     page = Checker(inspector_html(page_of(state, moment, None, remembered=(study, found))))
     needs = int(found.needed[QUERY[1], QUERY[0]])
     said = f"needs {'more than 4' if needs < 0 else 'none' if needs == 0 else needs} before"
     assert f"Pixel {QUERY} {said}" in page.text
+
+
+def test_what_is_rolled_out_is_the_librarys_and_sums_to_one(stage, ready):
+    from etnet.inspection.rollout import rollout
+
+    study = pixel.RolledOutStudy(wish_of(5), QUERY, 0.5)
+    rolled = whole(study, stage)
+    expected = rollout(ready.attention, ready.attention.grid.token_at(*QUERY), 0.5)
+    assert np.allclose(rolled.weights, expected.weights.numpy(), atol=1e-6)
+    state = ViewState(query=QUERY, index=5, inside=InsideView(opened="rollout", discard=50))
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(stage), ready, anatomy=anatomy, rolled=(study, rolled))))
+    assert "sums to 1.0000" in page.text
+    assert len(page.by_testid("by-scale")) == 1
+
+
+def test_what_is_followed_ends_in_the_map_of_the_window_on_show(stage, ready):
+    study = pixel.FollowedStudy(wish_of(5), QUERY, SITE)
+    followed = whole(study, stage)
+    assert followed.indices == tuple(range(6))
+    grid = ready.attention.grid
+    token = grid.token_at(*QUERY)
+    row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
+    assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
+    state = ViewState(query=QUERY, index=5, inside=InsideView(opened="time"))
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(stage), ready, anatomy=anatomy, followed=(study, followed))))
+    assert f"now {followed.entropy[-1]:.2f} bits" in page.text
+
+
+@pytest.mark.parametrize("opened", ["rollout", "time"])
+def test_paths_of_attention_say_so_where_there_is_none(moment, opened):
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(build_model("e2vid")))
+    state = ViewState(query=QUERY, inside=InsideView(opened=opened))
+    assert "made of convolutions alone" in Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy))).text
