@@ -14,6 +14,7 @@ from html import escape
 
 import viser
 
+from app import inside_view
 from app import intents as ask
 
 ON_PICK = 'data-pick="1"'
@@ -105,6 +106,8 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
             return ask.ChooseHead(None if name == "mean" else int(name))
         case "bin":
             return ask.OpenBin(int(name) if name else None)
+        case "inside":
+            return inside_view.heard(name)
     return None
 
 

@@ -12,6 +12,7 @@ from app.assets import page_folder
 from app.channel import AskHelp, Message, open_channel
 from app.panels.attention import AttentionPanel
 from app.panels.base import Dispatch, Page, Panel
+from app.panels.inside import InsidePanel
 from app.panels.overview import Demo, Provenance, SceneLegend
 from app.panels.pictures import EventPicture, Reconstruction, Voxels
 from app.panels.source import Source
@@ -104,6 +105,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
     provenance, legend, demo = Provenance(), SceneLegend(), Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
     attention, source, view = AttentionPanel(), Source(), ViewPanel()
+    inside = InsidePanel()
 
     left = gui.add_panel()
     with left.add_tab("Window on show", viser.Icon.PHOTO):
@@ -115,6 +117,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
     tabs = gui.add_tab_group()
     for title, icon, panel in (
         ("Attention", viser.Icon.FOCUS_2, attention),
+        ("Inside", viser.Icon.MICROSCOPE, inside),
         ("Recording", viser.Icon.DATABASE, source),
         ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
     ):
@@ -132,7 +135,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
             panel.build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
 
-    panels = (transport, events, voxels, reconstruction, attention, source, view, provenance, legend, demo)
+    panels = (transport, events, voxels, reconstruction, attention, inside, source, view, provenance, legend, demo)
     return Layout(client, panels, legend, False, left)
 
 
@@ -146,11 +149,12 @@ def _build_phone(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
         ("Time bins", voxels := Voxels()),
         ("Recording", source := Source()),
         ("Attention", attention := AttentionPanel()),
+        ("Inside", inside := InsidePanel()),
     )
     for title, panel in folded:
         with gui.add_panel().add_tab(title):
             panel.build(gui, dispatch)
-    return Layout(client, (transport, reconstruction, events, voxels, attention, source, legend), legend, True)
+    return Layout(client, (transport, reconstruction, events, voxels, attention, inside, source, legend), legend, True)
 
 
 def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]) -> None:

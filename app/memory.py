@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
+from app import inside_view
 from app import intents as ask
 from app.view_state import SITE_PATTERN, ViewState, choices
 from etnet.errors import EtnetError
@@ -22,6 +23,7 @@ def to_text(state: ViewState) -> str:
     kept = {name: value for name, value in asdict(state).items() if name not in _NOT_KEPT}
     if state.policy is not None:
         kept["policy"] = {"kind": type(state.policy).__name__, **asdict(state.policy)}
+    kept["inside"] = inside_view.kept(state.inside)
     return json.dumps(kept)
 
 
@@ -133,4 +135,5 @@ _CHECKS: dict[str, Callable[[object], object]] = {
     "camera": _one_of(ask.Camera),
     "shows_events": _flag,
     "voxel_bin": _optional(_whole),
+    "inside": inside_view.restored,
 }

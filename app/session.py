@@ -255,8 +255,17 @@ class Session:
 
     def _ask(self, moment: Moment) -> None:
         state = self._state
+        change = state.inside.change.at(state.index)
         wish = Wish(
-            state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
+            state.recording_id,
+            state.model_id,
+            state.precision,
+            moment.policy,
+            state.index,
+            state.query is not None,
+            change.intervention,
+            change.edit,
+            change.since,
         )
         if self._answers.ask(wish):
             self._engine.request(self._visitor, wish, self._hear)

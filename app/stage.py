@@ -12,7 +12,9 @@ from jaxtyping import UInt8
 from app import intents as ask
 from app.layout import place_camera
 from app.panels.base import Page
-from app.present import EventCloud, attention_image, event_cloud, reconstruction_image
+from app.present import EventCloud, Moment, attention_image, event_cloud, reconstruction_image
+from app.present.found import Traced
+from app.present.traced import traced_cloud
 from app.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
 from app.scene.frame_plane import FramePlane
 from app.scene.space import Space
@@ -36,9 +38,7 @@ class Stage:
             return None
         state, space = page.state, Space(page.moment.recording.sensor)
         shows_cloud = state.shows_events and state.camera != "front" and state.workspace != "demo"
-        cloud = (
-            event_cloud(page.moment, POINTS_IN_MOTION if page.is_moving else POINTS_AT_REST) if shows_cloud else None
-        )
+        cloud = _cloud(page, page.moment) if shows_cloud else None
         key, picture = _picture(page)
         with self._client.atomic():
             self._cloud.set_visible(shows_cloud)
@@ -54,6 +54,16 @@ class Stage:
         if again or self._placed != (space, camera, aspect):
             self._placed = (space, camera, aspect)
             place_camera(self._client, space, camera)
+
+
+def _cloud(page: Page, moment: Moment) -> EventCloud:
+    """The window's events; where a pixel is traced back, those of all its windows in the colours of what it owes."""
+    limit = POINTS_IN_MOTION if page.is_moving else POINTS_AT_REST
+    found = page.findings.get("inside.traced")
+    traced = None if found is None else found.value
+    if isinstance(traced, Traced) and found is not None and traced.windows[-1].index == moment.index:
+        return traced_cloud(traced, found.study, limit)
+    return event_cloud(moment, limit)
 
 
 def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from app.catalogue import ModelEntry
 from app.wishes import Wish
-from etnet.errors import WindowError
+from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
-from etnet.nets.intervention import ORIGINAL
+from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Window, plan_windows
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ KEPT_PLAYBACKS = 4
 ATTENTION_SHARE = 0.125
 """Of the byte budget, for the queries and keys of the frames last asked for."""
 
+BRANCH_SHARE = 4
+"""A change that is carried on takes this part of its playback's budget."""
 _TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
 _GROWTH = 1.2
 """A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
@@ -87,6 +89,34 @@ class Stage:
     expected_step: float
     """Estimated from a small trial before the first step, ms."""
     state_bytes: int = 0
+    branch: tuple[tuple[object, ...], Playback] | None = None
+    """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
+
+    def playing(self, wish: Wish) -> tuple[Playback, Intervention]:
+        """The playback in which a wish's change is carried, and what is left to change when its frame is decoded."""
+        if not wish.needs_branch:
+            return self.playback, wish.intervention
+        at = wish.index if wish.since is None else wish.since
+        if at > wish.index:
+            raise ModelError(f"window {wish.index} lies before window {at}, at which the change begins")
+        key = (at, wish.intervention, wish.edit)
+        if self.branch is None or self.branch[0] != key:
+            share = self.budget_bytes
+            self.branch = key, self.playback.branch(at, wish.intervention, wish.edit)
+            self.budget_bytes = share
+        return self.branch[1], ORIGINAL
+
+    @property
+    def budget_bytes(self) -> int:
+        """Bytes of the playback, and of its branch while there is one."""
+        return self.playback.budget_bytes + (self.branch[1].budget_bytes if self.branch else 0)
+
+    @budget_bytes.setter
+    def budget_bytes(self, budget_bytes: int) -> None:
+        for_branch = budget_bytes // BRANCH_SHARE if self.branch else 0
+        self.playback.budget_bytes = budget_bytes - for_branch
+        if self.branch is not None:
+            self.branch[1].budget_bytes = for_branch
 
     @property
     def windows(self) -> Sequence[Window]:
@@ -160,14 +190,14 @@ class Studio:
 
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""
-        key = (*wish.playback, wish.index, wish.intervention)
+        key = (*wish.playback, *wish.frame)
         if key in self._attention:
             self._attention.move_to_end(key)
         return self._attention.get(key)
 
     def keep_attention(self, wish: Wish, attention: Attention) -> None:
         """Hold a frame's attention for whoever asks next; the oldest go when their share of the budget is full."""
-        key = (*wish.playback, wish.index, wish.intervention)
+        key = (*wish.playback, *wish.frame)
         if key not in self._attention:
             self._attention_bytes += attention.nbytes
         self._attention[key] = attention
@@ -199,14 +229,14 @@ class Studio:
     def _divide(self) -> None:
         share = int(self._budget_bytes * (1 - ATTENTION_SHARE)) // max(len(self._stages), 1)
         for stage in self._stages.values():
-            stage.playback.budget_bytes = share
+            stage.budget_bytes = share
 
 
 def is_exact(stage: Stage, wish: Wish) -> bool:
     """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
     from etnet.nets.runtime import contract_of
 
-    return wish.intervention == ORIGINAL and contract_of(stage.playback.model) == stage.contract  # pyright: ignore
+    return wish.is_original and contract_of(stage.playback.model) == stage.contract  # pyright: ignore
 
 
 def _load(entry: ModelEntry, precision: str, device: str) -> Any:
