@@ -85,6 +85,18 @@ class EventSource(Protocol):
         ...
 
 
+@runtime_checkable
+class Bracketing(Protocol):
+    """A source with an index of its stamps."""
+
+    def bracket(self, t: int) -> tuple[int, int] | None:
+        """Indices (start, stop) with start ≤ i ≤ stop for the first event i whose stamp is ≥ `t`; few events between.
+
+        None while the index is not there yet. `t` (µs) lies within the recording's span.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class MemorySource:
     """Events that are held in memory: decoded once, or made up by a test."""
@@ -140,11 +152,8 @@ class Recording:
             return 0
         if t > self.span.stop:
             return self.num_events
-        low, high = 0, (self.num_events - 1) // INDEX_BLOCK
-        while low < high:
-            middle = (low + high + 1) // 2
-            low, high = (middle, high) if self._first_stamp(middle) < t else (low, middle - 1)
-        return low * INDEX_BLOCK + int(np.searchsorted(self._block(low), t))
+        start, stop = (isinstance(self.source, Bracketing) and self.source.bracket(t)) or self._bracket(t)
+        return start + int(np.searchsorted(self._stamps(start, stop), t))
 
     def close(self) -> None:
         """Give back files and memory; the recording cannot be read afterwards."""
@@ -162,15 +171,21 @@ class Recording:
             self._first_stamps[block] = int(self.source.read(start, start + 1).t[0])
         return self._first_stamps[block]
 
-    def _block(self, block: int) -> Int64[np.ndarray, " n"]:
+    def _bracket(self, t: int) -> tuple[int, int]:
+        low, high = 0, (self.num_events - 1) // INDEX_BLOCK
+        while low < high:
+            middle = (low + high + 1) // 2
+            low, high = (middle, high) if self._first_stamp(middle) < t else (low, middle - 1)
+        return low * INDEX_BLOCK, min((low + 1) * INDEX_BLOCK, self.num_events)
+
+    def _stamps(self, start: int, stop: int) -> Int64[np.ndarray, " n"]:
         with self._lock:
-            if block in self._blocks:
-                self._blocks.move_to_end(block)
-                return self._blocks[block]
-        start = block * INDEX_BLOCK
-        stamps = np.array(self.source.read(start, min(start + INDEX_BLOCK, self.num_events)).t)
+            if start in self._blocks:
+                self._blocks.move_to_end(start)
+                return self._blocks[start]
+        stamps = np.array(self.source.read(start, stop).t)
         with self._lock:
-            self._blocks[block] = stamps
+            self._blocks[start] = stamps
             while len(self._blocks) > 8:
                 self._blocks.popitem(last=False)
         return stamps

@@ -21,6 +21,7 @@ class Request:
     """A file to open. `head` is its first bytes (none of a folder), `members` the files in a folder or zip archive.
 
     What a reader opens and must be closed with the recording goes into `resources`; large decoded data into `scratch`.
+    `patience`: seconds that making an index may take; None waits for all of it.
     """
 
     path: Path
@@ -31,6 +32,7 @@ class Request:
     progress: Progress
     resources: ExitStack
     scratch: Scratch
+    patience: float | None = None
 
     @property
     def suffix(self) -> str:
