@@ -79,6 +79,7 @@ def open_recording(
         remarks=opened.remarks,
         ground_truth=opened.ground_truth,
         path=path,
+        inertial=opened.inertial,
     )
 
 

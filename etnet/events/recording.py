@@ -67,6 +67,20 @@ class GroundTruth:
         return after if self.stamps[after] - t < t - self.stamps[after - 1] else after - 1
 
 
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """What the camera's motion sensor measured, in its own axes: stamps in µs on the events' clock, ascending."""
+
+    stamps: Int64[np.ndarray, " n"]
+    acceleration: Float32[np.ndarray, "n 3"]
+    """g."""
+    rotation: Float32[np.ndarray, "n 3"]
+    """Degrees a second."""
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
 @runtime_checkable
 class EventSource(Protocol):
     """Where a recording's events lie. `read` is a slice by index, safe from two threads, ordered in time."""
@@ -128,6 +142,7 @@ class Recording:
     remarks: tuple[Remark, ...] = ()
     ground_truth: GroundTruth | None = None
     path: Path | None = None
+    inertial: Inertial | None = None
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)

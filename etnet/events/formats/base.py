@@ -11,7 +11,7 @@ from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Sensor
-from etnet.events.recording import EventSource, GroundTruth, Remark, Span
+from etnet.events.recording import EventSource, GroundTruth, Inertial, Remark, Span
 
 HEAD_BYTES = 4096
 
@@ -50,6 +50,7 @@ class Opened:
     span: Span
     remarks: tuple[Remark, ...] = ()
     ground_truth: GroundTruth | None = None
+    inertial: Inertial | None = None
 
 
 @dataclass(frozen=True)
