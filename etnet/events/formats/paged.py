@@ -13,7 +13,11 @@ from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.columns import deduced_sensor, pixel_column, signed_polarity
+from etnet.events.formats.stamp_index import StampIndex
 from etnet.events.recording import Span
+
+LONG = 1 << 24
+"""Events from which on a time index is worth its making; below, a dozen looks into the file find any moment."""
 
 PAGE = 1 << 18
 """Events read at once when a whole file is gone through."""
@@ -35,6 +39,11 @@ class PagedSource:
     sensor: Sensor
     read_columns: ReadColumns
     lock: Lock
+    stamps: StampIndex | None = None
+
+    def bracket(self, t: int) -> tuple[int, int] | None:
+        """From the index of a long file, as soon as it is there."""
+        return None if self.stamps is None else self.stamps.bracket(t)
 
     def read(self, start: int, stop: int) -> Events:
         """Read and convert one slice."""
@@ -47,7 +56,7 @@ class PagedSource:
         )
         if not len(raw.x) == len(raw.y) == len(raw.t) == len(raw.p) == stop - start:
             raise RecordingError(f"{name}: columns end before event {stop}; the file may be truncated")
-        _check(events, start, name)
+        check_slice(events, start, name)
         return events
 
     def close(self) -> None:
@@ -61,8 +70,12 @@ def paged(
     read_columns: ReadColumns,
     declared: Sensor | None,
     remarks: Remarks,
+    read_stamps: Callable[[int, int], np.ndarray] | None = None,
 ) -> Collected:
-    """A recording that stays in its file; with `--sort` or `--drop-outside` it is loaded and mended instead."""
+    """A recording that stays in its file; with `--sort` or `--drop-outside` it is loaded and mended instead.
+
+    `read_stamps` reads t alone (µs); by default all columns are read for it.
+    """
     if num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if request.assume.mends:
@@ -73,7 +86,13 @@ def paged(
         sensor = _probed_sensor(probes, request, num_events, read_columns, remarks)
     _check_probes(probes, request.name)
     span = Span(int(read_columns(0, 1).t[0]), int(read_columns(num_events - 1, num_events).t[0]))
-    source = PagedSource(request, what, num_events, sensor, read_columns, Lock())
+    lock = Lock()
+    stamps = None
+    if num_events >= LONG:
+        only_stamps = read_stamps or (lambda start, stop: read_columns(start, stop).t)
+        stamps = StampIndex(request, num_events, only_stamps, lock)
+        request.resources.callback(stamps.stop)
+    source = PagedSource(request, what, num_events, sensor, read_columns, lock, stamps)
     return Collected(source, sensor, span)
 
 
@@ -117,7 +136,8 @@ def _probed_sensor(
     return deduced_sensor(reach_x, reach_y, request.name, remarks, where)
 
 
-def _check(events: Events, start: int, name: str) -> None:
+def check_slice(events: Events, start: int, name: str) -> None:
+    """An error that names the first event beyond the sensor, or before its predecessor."""
     if len(events) == 0:
         return
     if events.x.max() >= events.sensor.width or events.y.max() >= events.sensor.height:
