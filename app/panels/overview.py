@@ -55,10 +55,11 @@ class SceneLegend:
             self._legend.show(mark)
             return
         drawn = f"{len(cloud.positions):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
+        hues = ("made the pixel brighter", "made it darker") if cloud.is_traced else ("brighter (ON)", "darker (OFF)")
         self._legend.show(
             f'{mark}<div class="et etv-scene-legend" data-testid="scene-legend">'
-            f'<span class="et-swatch"><i style="background:{hexadecimal(ON)}"></i>brighter (ON)</span>'
-            f'<span class="et-swatch"><i style="background:{hexadecimal(OFF)}"></i>darker (OFF)</span>'
+            f'<span class="et-swatch"><i style="background:{hexadecimal(ON)}"></i>{hues[0]}</span>'
+            f'<span class="et-swatch"><i style="background:{hexadecimal(OFF)}"></i>{hues[1]}</span>'
             f'<span class="et-note">{drawn} · the newest lie at the picture</span></div>'
         )
 

@@ -9,7 +9,7 @@ from app.present.found import Followed, RolledOut
 from app.present.html import escape, legend, panel, picture
 from app.present.inside import button, buttons, plain_bar
 from app.present.moment import PICTURES
-from app.present.words import count, fraction, milliseconds, resolution
+from app.present.words import count, fraction, milliseconds, of_whole, resolution
 from app.wishes import Ready
 from etnet.render.attention import HIGHEST, LOWEST, log_level
 from etnet.render.colours import css_gradient, sequential
@@ -53,7 +53,7 @@ def rolled_html(
     whole = map_html(attention, total, look, "rollout of all scales", "", "")
     bars = "".join(
         f'<span class="et-note">comes in at {resolution(scale)}</span>'
-        f'<span class="et-measure">{plain_bar(float(share), 1.0)}<b>{share:.1%}</b></span>'
+        f'<span class="et-measure">{plain_bar(float(share), 1.0)}<b>{of_whole(share, 1)}</b></span>'
         for scale, share in zip(rolled.scales, shares, strict=True)
     )
     style = f"--n:{attention.grid.columns};--base:url({base})"
@@ -101,8 +101,8 @@ def followed_html(followed: Followed, key: object, site: str, sites: tuple[str, 
         f'<div class="et-note" data-testid="entropy-now">now {float(followed.entropy[-1]):.2f} bits</div>',
         "<h4>How much stays near</h4>",
         _curve(followed.near, max(float(followed.near.max()), followed.even) * 1.15, "", "0 %", followed.even),
-        f'<div class="et-note" data-testid="near-now">now {share:.1%} within {followed.reach} pixels; '
-        f"the dashed line, {followed.even:.1%}, is what even attention gives</div>",
+        f'<div class="et-note" data-testid="near-now">now {of_whole(share, 1)} within {followed.reach} pixels; '
+        f"the dashed line, {of_whole(followed.even, 1)}, is what even attention gives</div>",
     )
 
 

@@ -11,7 +11,7 @@ from app.present.found import Anatomy, Channels, Remembered
 from app.present.html import escape, legend, marker, panel, picture
 from app.present.inside import button, buttons, percent, plain_bar
 from app.present.moment import PICTURES
-from app.present.words import count, resolution, short
+from app.present.words import count, of_whole, resolution, short
 from etnet.render.colours import counting, css_gradient, diverge, diverging, sequential
 from etnet.render.encode import data_url
 
@@ -102,8 +102,8 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
     here = ""
     if query is not None:
         needs = int(found.needed[query[1], query[0]])
-        words = f"more than {deepest}" if needs < 0 else "none" if needs == 0 else f"{needs}"
-        here = f"Pixel ({query[0]}, {query[1]}) needs {words} before this one. "
+        words = f"more than {deepest} windows" if needs < 0 else "no window" if needs == 0 else f"{needs} windows"
+        here = f"Pixel ({query[0]}, {query[1]}) needs {words.replace('1 windows', '1 window')} before this one."
     lead = (
         "Measured, not read off the gates: the network is started cold so many windows earlier, and a pixel counts as "
         f"remembered once it stays within {percent(found.tolerance, is_signed=False)} of the image with all memory."
@@ -120,7 +120,7 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
         image,
         scale,
         f'<div class="et-say" data-testid="needs">{here}</div>' if here else "",
-        f'<div class="et-note">orange: {more:.0%} of the image needs more than {deepest}</div>',
+        f'<div class="et-note">orange: {of_whole(more)} of the image needs more than {deepest}</div>',
         "<h4>Mean error with so little memory</h4>",
         f'<div class="et-table et-two">{rows}</div>',
     )
