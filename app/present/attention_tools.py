@@ -57,6 +57,8 @@ def attention_tools_html(
             "Drawn", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth)
         )
     )
+    links: dict[object, str] = {False: "no links", True: "the strongest links"}
+    rows.append(buttons("In the scene", choices("shows_links", links, inside.shows_links)))
     return panel("attention-tools", *rows)
 
 

@@ -35,9 +35,12 @@ from app.present import AttentionLook, Moment, Tones
 from app.present.attention_tools import attention_tools_html, pinned_html
 from app.present.change import change_html, change_words
 from app.present.given import given_html
+from app.present.links import links_of
 from app.present.matters import attended_html, matters_html
 from app.present.traced import traced_cloud, traced_html
 from app.questions import questions
+from app.scene.links import arc
+from app.scene.space import Space
 from app.studies import Finding
 from app.studio import Pace, Stage
 from app.view_state import Limits, ViewState, reduce
@@ -49,7 +52,7 @@ from etnet.nets.presets import build_model
 from etnet.nets.runtime import contract_of
 from etnet.playback.playback import Playback
 from etnet.windows import ByCount, plan_windows
-from tests.inspection.small import EVENTS_A_WINDOW, small_playback
+from tests.inspection.small import EVENTS_A_WINDOW, SENSOR, small_playback
 
 from .fakes import Inbox, Shelf
 from .test_present import PICK, Checker
@@ -461,3 +464,16 @@ def test_paths_of_attention_say_so_where_there_is_none(moment, opened):
     anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(build_model("e2vid")))
     state = ViewState(query=QUERY, inside=InsideView(opened=opened))
     assert "made of convolutions alone" in Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy))).text
+
+
+def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
+    links = links_of(ready, QUERY)
+    assert [link.scale for link in links] == sorted((link.scale for link in links), reverse=True)
+    space = Space(SENSOR)
+    pieces = arc(space, QUERY, links[0].pixel)
+    ends = space.place(np.array([[*QUERY, 0], [*links[0].pixel, 0]], np.float32) + np.float32([0.5, 0.5, 0]))
+    assert np.allclose(pieces[0, 0, :2], ends[0, :2])
+    assert np.allclose(pieces[-1, 1, :2], ends[1, :2], atol=1e-5)
+    assert np.array_equal(pieces[1:, 0], pieces[:-1, 1])
+    assert (pieces[..., 2] < 0).all()
+    assert links_of(None, QUERY) == links_of(ready, None) == ()
