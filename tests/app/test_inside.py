@@ -453,7 +453,7 @@ def test_what_is_followed_ends_in_the_map_of_the_window_on_show(stage, ready):
     token = grid.token_at(*QUERY)
     row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
     assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
-    state = ViewState(query=QUERY, index=5, inside=InsideView(opened="time"))
+    state = ViewState(query=QUERY, index=5, site=SITE, inside=InsideView(opened="time"))
     anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
     page = Checker(inspector_html(page_of(state, moment_of(stage), ready, anatomy=anatomy, followed=(study, followed))))
     assert f"now {followed.entropy[-1]:.2f} bits" in page.text
@@ -477,3 +477,13 @@ def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
     assert np.array_equal(pieces[1:, 0], pieces[:-1, 1])
     assert (pieces[..., 2] < 0).all()
     assert links_of(None, QUERY) == links_of(ready, None) == ()
+
+
+def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(stage, moment):
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    study = parts.OutcomeStudy(wish_of(5, intervention=Intervention(without_context=True)))
+    for removed, is_answer in ((frozenset(), True), (frozenset({1}), False)):
+        change = Change(Intervention(without_context=True, removed_skips=removed))
+        state = ViewState(index=5, inside=InsideView(opened="change", change=change))
+        page = page_of(state, moment, None, anatomy=anatomy, outcome=(study, whole(study, stage)))
+        assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
