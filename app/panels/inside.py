@@ -18,7 +18,7 @@ from app.present.inside import choose_pixel, stale_line, under_way
 from app.present.matters import attended_html, matters_html
 from app.present.moment import Moment
 from app.present.paths import followed_html, rolled_html
-from app.present.state import channels_html, remembered_html
+from app.present.state import channels_html, norms_html, remembered_html
 from app.present.traced import traced_html
 from app.studies import Finding
 from app.wishes import Wish
@@ -162,7 +162,9 @@ def _state(page: Page) -> str:
     if not anatomy.value.num_levels:
         said = f"{anatomy.value.name} has no ConvLSTM levels, so there are no gates and cells to show."
         return panel("channels", empty("No such memory", said))
-    return _awaited(found, "recomputing the gates", page) + channels_html(
+    norms = page.findings.get("inside.norms")
+    strong = norms_html(norms.value) if norms is not None and norms.value is not None else ""
+    shown = _awaited(found, "recomputing the gates", page) + channels_html(
         anatomy.value,
         None if found is None else found.value,
         None if found is None else found.study,
@@ -172,6 +174,7 @@ def _state(page: Page) -> str:
         query=page.state.query,
         on_pick=ON_PICK,
     )
+    return shown + strong
 
 
 def _paths(page: Page) -> str:

@@ -487,3 +487,15 @@ def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(
         state = ViewState(index=5, inside=InsideView(opened="change", change=change))
         page = page_of(state, moment, None, anatomy=anatomy, outcome=(study, whole(study, stage)))
         assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
+
+
+def test_norms_are_those_of_the_states(stage, moment):
+    study = memory.NormsStudy(wish_of(5))
+    norms = whole(study, stage)
+    assert norms.indices == tuple(range(6))
+    cell = stage.playback.state(5).tensors[3]
+    assert norms.cell[-1, 1] == pytest.approx(float(cell.square().mean().sqrt()), rel=1e-5)
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    state = ViewState(index=5, inside=InsideView(opened="state"))
+    page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, norms=(study, norms))))
+    assert "in the last 6 windows" in page.text
