@@ -75,6 +75,8 @@ class InsideView:
     direction: Direction = "reads"
     is_linear: bool = False
     is_smooth: bool = False
+    shows_links: bool = False
+    """Whether the strongest looks of the query are drawn in the scene."""
     pin_a: PinnedMap | None = None
     pin_b: PinnedMap | None = None
     num_back: int = 2
@@ -319,6 +321,7 @@ _CHOSEN: Mapping[str, Callable[[str], object]] = {
     "direction": _word(Direction),
     "is_linear": _flag,
     "is_smooth": _flag,
+    "shows_links": _flag,
     "num_back": _whole(0, MOST_BACK),
     "level": _whole(1, 3),
     "plane": _word(Plane),

@@ -14,9 +14,11 @@ from app.layout import place_camera
 from app.panels.base import Page
 from app.present import EventCloud, Moment, attention_image, event_cloud, reconstruction_image
 from app.present.found import Traced
+from app.present.links import links_of
 from app.present.traced import traced_cloud
 from app.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
 from app.scene.frame_plane import FramePlane
+from app.scene.links import LinksNode
 from app.scene.space import Space
 
 LAGGING = 0.45
@@ -30,6 +32,7 @@ class Stage:
         self._client = client
         self._cloud = CloudNode(client.scene)
         self._plane = FramePlane(client.scene, dispatch)
+        self._links = LinksNode(client.scene)
         self._placed: tuple[Space, ask.Camera, float] | None = None
 
     def show(self, page: Page) -> EventCloud | None:
@@ -45,6 +48,7 @@ class Stage:
             if cloud is not None:
                 self._cloud.show(space, cloud)
             self._plane.show(space, key, picture)
+            self._links.show(space, state.query, links_of(page.ready, state.query) if state.inside.shows_links else ())
         self.place(space, state.camera)
         return cloud
 

@@ -18,6 +18,7 @@ from measure import report
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from app.config import ViewerConfig
+from app.inside_view import Inspector
 from app.main import Viewer
 from app.panels.inside import INSPECTORS
 from etnet.events.events import Events, Sensor
@@ -27,7 +28,7 @@ from tests.app.stand_ins import Browser
 
 SENSOR, WINDOWS = Sensor(346, 260), 60
 CLICKS, ROUNDS, DRAG, HERTZ = 12, 3, range(2, 22), 20
-OPENED = ("none", "change", "input", "matters", "events")
+OPENED: tuple[Inspector, ...] = ("none", "change", "input", "matters", "events")
 AIMS = {"click": 100.0, "drag": 1.3}
 
 
@@ -77,11 +78,11 @@ async def _drag(browser: Browser) -> list[float]:
     return took
 
 
-async def _story(port: int) -> tuple[list[float], dict[str, list[float]]]:
+async def _story(port: int) -> tuple[list[float], dict[Inspector, list[float]]]:
     async with Browser.open(port, tab=1) as browser:
         await _until(browser, "Reconstruction of window 20")
         clicks = await _clicks(browser)
-        drags: dict[str, list[float]] = {opened: [] for opened in OPENED}
+        drags: dict[Inspector, list[float]] = {opened: [] for opened in OPENED}
         for _ in range(ROUNDS):
             for opened, took in drags.items():
                 await browser.use(browser.widget("Look at"), INSPECTORS[opened])

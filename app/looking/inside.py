@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from app.looking.memory import ChannelsStudy, GivenStudy, RememberedStudy
+from app.looking.memory import ChannelsStudy, GivenStudy, NormsStudy, RememberedStudy
 from app.looking.parts import AnatomyStudy, AttendedStudy, MattersStudy, OutcomeStudy
 from app.looking.pixel import FollowedStudy, RolledOutStudy, TracedStudy
 from app.studies import Study
@@ -31,6 +31,7 @@ def ask_inside(state: ViewState, wish: Wish) -> Mapping[str, Study]:
             wanted["inside.given"] = GivenStudy(asked)
         case "state":
             wanted["inside.channels"] = ChannelsStudy(asked, inside.level, inside.plane)
+            wanted["inside.norms"] = NormsStudy(asked)
         case "memory":
             wanted["inside.remembered"] = RememberedStudy(plain)
         case _:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from app.looking.arrays import array
-from app.present.found import Channels, Given, Remembered
+from app.present.found import Channels, Given, Norms, Remembered
 from app.studio import Stage
 from app.wishes import Wish
 
@@ -20,6 +20,8 @@ DEPTHS = (0, 1, 2, 4, 8, 16)
 TOLERANCE = 0.02
 """Of the raw frame (0 … 1): as near as this is near enough."""
 SHOWN_CHANNELS = 24
+LOOKED_BACK = 48
+"""Windows over which norms are drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +74,30 @@ class ChannelsStudy:
             ),
             1.0,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class NormsStudy:
+    """The norms of every level over the last windows; nothing is decoded."""
+
+    wish: Wish
+
+    def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[Norms, float]]:
+        """One state more each time."""
+        import torch
+
+        from etnet.inspection.through_time import norms_through_time
+
+        playback, _ = stage.playing(self.wish)
+        last = self.wish.index
+        indices = range(max(0, last - LOOKED_BACK + 1), last + 1)
+        playback.lay_state(indices[0], cancelled)
+        found = []
+        for done in norms_through_time(playback, indices):
+            found.append(done)
+            hidden = torch.stack([norms.hidden for _, norms in found])
+            cell = torch.stack([norms.cell for _, norms in found])
+            yield Norms(tuple(index for index, _ in found), array(hidden), array(cell)), len(found) / len(indices)
 
 
 @dataclass(frozen=True, slots=True)

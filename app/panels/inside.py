@@ -18,9 +18,10 @@ from app.present.inside import choose_pixel, stale_line, under_way
 from app.present.matters import attended_html, matters_html
 from app.present.moment import Moment
 from app.present.paths import followed_html, rolled_html
-from app.present.state import channels_html, remembered_html
+from app.present.state import channels_html, norms_html, remembered_html
 from app.present.traced import traced_html
 from app.studies import Finding
+from app.wishes import Wish
 
 INSPECTORS: dict[Inspector, str] = {
     "none": "none",
@@ -113,7 +114,10 @@ def _change(page: Page) -> str:
     if anatomy is None or anatomy.value is None:
         return panel("change", _awaited(anatomy, "looking at the network", page))
     assert isinstance(anatomy.value, Anatomy)
+    change = page.state.inside.change.at(page.state.index)
     found = page.findings.get("inside.outcome")
+    if found is not None and _wish(found).change != (change.intervention, change.edit, change.since):
+        found = None  # what another change did
     body = "" if found is None else _awaited(found, "measuring the difference", page)
     return body + change_html(
         anatomy.value,
@@ -129,8 +133,8 @@ def _change(page: Page) -> str:
 
 
 def _events(page: Page) -> str:
-    found = page.findings.get("inside.traced")
     num_back = page.state.inside.num_back
+    found = _about(page.findings.get("inside.traced"), pixel=page.state.query, num_back=num_back)
     if page.state.query is None:
         why = "Its gradient is then followed back to every event that had a part in it."
         return panel("traced", choose_pixel(why)) + traced_html(None, None, num_back, ON_PICK)
@@ -144,22 +148,23 @@ def _input(page: Page, moment: Moment) -> str:
     body = _awaited(found, "reading the events", page)
     if found is None or found.value is None:
         return body
-    study: Any = found.study
-    if study.wish.index != page.state.index:
+    if _wish(found).index != page.state.index:
         return body  # its pixel's events would be another window's
     is_edited = not page.state.inside.change.at(page.state.index).edit.changes_nothing
     return body + given_html(found.value, found.study, moment, page.state.query, is_edited)
 
 
 def _state(page: Page) -> str:
-    anatomy, found = page.findings.get("inside.anatomy"), page.findings.get("inside.channels")
+    inside, anatomy = page.state.inside, page.findings.get("inside.anatomy")
+    found = _about(page.findings.get("inside.channels"), level=inside.level, plane=inside.plane)
     if anatomy is None or anatomy.value is None:
         return _awaited(anatomy, "looking at the network", page)
     if not anatomy.value.num_levels:
         said = f"{anatomy.value.name} has no ConvLSTM levels, so there are no gates and cells to show."
         return panel("channels", empty("No such memory", said))
-    inside = page.state.inside
-    return _awaited(found, "recomputing the gates", page) + channels_html(
+    norms = page.findings.get("inside.norms")
+    strong = norms_html(norms.value) if norms is not None and norms.value is not None else ""
+    shown = _awaited(found, "recomputing the gates", page) + channels_html(
         anatomy.value,
         None if found is None else found.value,
         None if found is None else found.study,
@@ -169,6 +174,7 @@ def _state(page: Page) -> str:
         query=page.state.query,
         on_pick=ON_PICK,
     )
+    return shown + strong
 
 
 def _paths(page: Page) -> str:
@@ -178,13 +184,13 @@ def _paths(page: Page) -> str:
     if page.look is None or query is None:
         return panel("rolled", choose_pixel("Its attention is then followed through the network."))
     if inside.opened == "time":
-        found = page.findings.get("inside.followed")
+        found = _about(page.findings.get("inside.followed"), pixel=query, site=page.state.site)
         body = _awaited(found, "following it, window by window", page)
         if found is None or found.value is None or anatomy is None or anatomy.value is None:
             return body
         study: Any = found.study
         return body + followed_html(found.value, study, study.site, anatomy.value.sites, study.pixel)
-    found = page.findings.get("inside.rolled")
+    found = _about(page.findings.get("inside.rolled"), pixel=query, discard=inside.discard / 100)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:
         return body
@@ -207,7 +213,17 @@ def _awaited(found: Finding | None, what: str, page: Page) -> str:
         return panel("awaited", under_way(0.0, what))
     if found.trouble:
         return panel("awaited", f'<div class="et-say" data-testid="lacks">{escape(found.trouble)}</div>')
-    study: Any = found.study
-    lag = stale_line(study.wish.index, page.state.index)
+    lag = stale_line(_wish(found).index, page.state.index)
     waits = "" if found.is_whole else under_way(found.share, what)
     return panel("awaited", lag or waits) if lag or waits else ""
+
+
+def _about(found: Finding | None, **asked: object) -> Finding | None:
+    """A finding, if it answers what is asked now; the answer to a former question is none."""
+    return (
+        found if found is not None and all(getattr(found.study, key) == held for key, held in asked.items()) else None
+    )
+
+
+def _wish(found: Finding) -> Wish:
+    return found.study.wish  # pyright: ignore[reportAttributeAccessIssue]  every study has one

@@ -17,7 +17,7 @@ from app.present.attention_maps import (
 )
 from app.present.html import escape, legend, panel, picture
 from app.present.inside import button, buttons
-from app.present.words import short
+from app.present.words import of_whole, short
 from app.wishes import Ready
 from etnet.render.attention import times_uniform
 from etnet.render.colours import css_gradient, diverge, diverging
@@ -57,6 +57,8 @@ def attention_tools_html(
             "Drawn", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth)
         )
     )
+    links: dict[object, str] = {False: "no links", True: "the strongest links"}
+    rows.append(buttons("In the scene", choices("shows_links", links, inside.shows_links)))
     return panel("attention-tools", *rows)
 
 
@@ -103,5 +105,5 @@ def _difference(ready: Ready, first: np.ndarray, second: np.ndarray) -> str:
     )
     shared = float(np.minimum(first, second).sum())
     ticks = [(0.0, f"B more: {short(limit)}"), (0.5, "alike"), (1.0, f"A more: {short(limit)}")]
-    said = f'<div class="et-note" data-testid="a-minus-b">A and B share {shared:.0%} of their weight.</div>'
+    said = f'<div class="et-note" data-testid="a-minus-b">A and B share {of_whole(shared)} of their weight.</div>'
     return f"{image}{legend('A − B, × uniform', css_gradient(diverging()), ticks)}{said}"

@@ -146,6 +146,15 @@ class Channels:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Norms:
+    """How strong the memory was after each of the last windows: root mean squares."""
+
+    indices: tuple[int, ...]
+    hidden: Float32[np.ndarray, "windows levels"]
+    cell: Float32[np.ndarray, "windows levels"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Remembered:
     """How many windows before this one each pixel needs; −1 where more than the deepest that was tried."""
 

@@ -13,6 +13,9 @@ from etnet.render.encode import data_url
 
 VISIBLE = 0.005
 """Of full brightness: a smaller change of a raw frame cannot be seen (1 of 255 grey levels is 0.004)."""
+LINE = "#82d45c"
+"""Of a single curve."""
+_WIDTH, _HEIGHT = 1000, 120
 PERCENTILE = 99.5
 """Of the magnitudes: where the colours of a signed picture end."""
 
@@ -121,3 +124,27 @@ def stale_line(shown: int, wanted: int) -> str:
 def choose_pixel(why: str) -> str:
     """What an inspector says that needs a pixel."""
     return empty("Choose a pixel", f"Click into the reconstruction. {why}")
+
+
+def curves(
+    lines: dict[str, Float32[np.ndarray, " windows"]], top: float, above: str, below: str, even: float | None = None
+) -> str:
+    """Values from 0 to `top` over the windows, oldest left; one line a colour, and a dashed one at `even`."""
+    drawn = ""
+    if even is not None:
+        y = _HEIGHT * (1 - even / top)
+        drawn = (
+            f'<line x1="0" x2="{_WIDTH}" y1="{y:.1f}" y2="{y:.1f}" stroke="#ffffff99" stroke-dasharray="6 6"'
+            ' vector-effect="non-scaling-stroke"></line>'
+        )
+    for colour, values in lines.items():
+        step = _WIDTH / max(len(values) - 1, 1)
+        points = " ".join(f"{i * step:.1f},{_HEIGHT * (1 - float(v) / top):.1f}" for i, v in enumerate(values))
+        drawn += (
+            f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"'
+            ' vector-effect="non-scaling-stroke"></polyline>'
+        )
+    return (
+        f'<div class="et-curve"><span>{escape(above)}</span><svg viewBox="0 0 {_WIDTH} {_HEIGHT}"'
+        f' preserveAspectRatio="none">{drawn}</svg><span>{escape(below)}</span></div>'
+    )

@@ -18,7 +18,7 @@ from app.present.inside import (
     signed_picture,
 )
 from app.present.moment import ARRAYS
-from app.present.words import resolution
+from app.present.words import of_whole, resolution
 
 _ATTENTION = ("TPA", "attention")
 
@@ -65,8 +65,8 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     )
     alike = float(np.minimum(raw, handed).sum())
     said = (
-        f"{site_words(name, attention.sites)}. The two maps share {alike:.0%} of their weight; where they differ, "
-        "the network looks at what gives it little."
+        f"{site_words(name, attention.sites)}. The two maps share {of_whole(alike)} of their weight; "
+        "where they differ, the network looks at what gives it little."
     )
     style = f"--n:{grid.columns};--base:url({base})"
     return panel(
@@ -166,7 +166,8 @@ def _waste(attended: Attended, token: int, key: object) -> str:
     grid = f'<div class="et-numbers" style="--columns:{len(scales)}">{"".join(cells)}</div>'
     note = (
         f"of this pixel’s attention, mean of the heads. On padding (the black border that makes sides divisible by 8): "
-        f"{uniform:.1%} would be even. A sink is a token that at least 9 of 10 places look at 4 × as much as evenly."
+        f"{of_whole(uniform, 1)} would be even. A sink is a token that at least 9 of 10 places look at 4 × as much "
+        "as evenly."
     )
     return f'{grid}<div class="et-note">{note}</div>'
 
@@ -179,8 +180,8 @@ def _waste_cell(attended: Attended, name: str, on_padding: float, token: int) ->
         sinks = "no sink"
     else:
         rows = attended.attention.rows(name, [token])[:, 0].cpu().numpy()
-        sinks = f"sinks {float((rows * mask).sum(-1).mean()):.0%}"
-    return f"<span>padding {on_padding:.1%}<br>{sinks}</span>"
+        sinks = f"sinks {of_whole(float((rows * mask).sum(-1).mean()))}"
+    return f"<span>padding {of_whole(on_padding, 1)}<br>{sinks}</span>"
 
 
 def _padding(attended: Attended, token: int) -> tuple[dict[str, float], float]:

@@ -7,9 +7,9 @@ import numpy as np
 from app.present.attention_maps import AttentionLook, map_html, map_legend, site_words, tokens_words
 from app.present.found import Followed, RolledOut
 from app.present.html import escape, legend, panel, picture
-from app.present.inside import button, buttons, plain_bar
+from app.present.inside import LINE, button, buttons, curves, plain_bar
 from app.present.moment import PICTURES
-from app.present.words import count, fraction, milliseconds, resolution
+from app.present.words import count, fraction, milliseconds, of_whole, resolution
 from app.wishes import Ready
 from etnet.render.attention import HIGHEST, LOWEST, log_level
 from etnet.render.colours import css_gradient, sequential
@@ -17,7 +17,6 @@ from etnet.render.encode import data_url
 
 DISCARDS = (0, 50, 90)
 """Per cent of the smallest weights that can be left out."""
-_WIDTH, _HEIGHT = 1000, 120
 
 
 def rolled_html(
@@ -53,7 +52,7 @@ def rolled_html(
     whole = map_html(attention, total, look, "rollout of all scales", "", "")
     bars = "".join(
         f'<span class="et-note">comes in at {resolution(scale)}</span>'
-        f'<span class="et-measure">{plain_bar(float(share), 1.0)}<b>{share:.1%}</b></span>'
+        f'<span class="et-measure">{plain_bar(float(share), 1.0)}<b>{of_whole(share, 1)}</b></span>'
         for scale, share in zip(rolled.scales, shares, strict=True)
     )
     style = f"--n:{attention.grid.columns};--base:url({base})"
@@ -97,33 +96,15 @@ def followed_html(followed: Followed, key: object, site: str, sites: tuple[str, 
         "<span>right edge</span></div>",
         legend("attention, × uniform", css_gradient(sequential()), ticks),
         "<h4>How sharp it is</h4>",
-        _curve(followed.entropy, bits, f"{bits:.2f} bits: all tokens alike", "0: one token"),
+        curves({LINE: followed.entropy}, bits, f"{bits:.2f} bits: all tokens alike", "0: one token"),
         f'<div class="et-note" data-testid="entropy-now">now {float(followed.entropy[-1]):.2f} bits</div>',
         "<h4>How much stays near</h4>",
-        _curve(followed.near, max(float(followed.near.max()), followed.even) * 1.15, "", "0 %", followed.even),
-        f'<div class="et-note" data-testid="near-now">now {share:.1%} within {followed.reach} pixels; '
-        f"the dashed line, {followed.even:.1%}, is what even attention gives</div>",
+        curves({LINE: followed.near}, max(float(followed.near.max()), followed.even) * 1.15, "", "0 %", followed.even),
+        f'<div class="et-note" data-testid="near-now">now {of_whole(share, 1)} within {followed.reach} pixels; '
+        f"the dashed line, {of_whole(followed.even, 1)}, is what even attention gives</div>",
     )
 
 
 def _kymograph(followed: Followed) -> str:
     level = log_level(followed.along_row)
     return data_url(sequential()[np.rint(level * 255).astype(np.uint8)], is_lossless=True)
-
-
-def _curve(values: np.ndarray, top: float, above: str, below: str, even: float | None = None) -> str:
-    """Values from 0 to `top` over the windows, oldest left."""
-    step = _WIDTH / max(len(values) - 1, 1)
-    points = " ".join(f"{i * step:.1f},{_HEIGHT * (1 - float(v) / top):.1f}" for i, v in enumerate(values))
-    dashed = ""
-    if even is not None:
-        y = _HEIGHT * (1 - even / top)
-        dashed = (
-            f'<line x1="0" x2="{_WIDTH}" y1="{y:.1f}" y2="{y:.1f}" stroke="#ffffff99" stroke-dasharray="6 6"'
-            ' vector-effect="non-scaling-stroke"></line>'
-        )
-    return (
-        f'<div class="et-curve"><span>{escape(above)}</span><svg viewBox="0 0 {_WIDTH} {_HEIGHT}"'
-        f' preserveAspectRatio="none">{dashed}<polyline points="{points}" fill="none" stroke="#82d45c"'
-        f' stroke-width="2" vector-effect="non-scaling-stroke"></polyline></svg><span>{escape(below)}</span></div>'
-    )

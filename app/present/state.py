@@ -7,12 +7,13 @@ from typing import get_args
 import numpy as np
 
 from app.inside_view import Plane
-from app.present.found import Anatomy, Channels, Remembered
-from app.present.html import escape, legend, marker, panel, picture
-from app.present.inside import button, buttons, percent, plain_bar
+from app.present.found import Anatomy, Channels, Norms, Remembered
+from app.present.html import escape, legend, marker, panel, picture, swatch
+from app.present.inside import button, buttons, curves, percent, plain_bar
+from app.present.links import LINK_COLOURS
 from app.present.moment import PICTURES
-from app.present.words import count, resolution, short
-from etnet.render.colours import counting, css_gradient, diverge, diverging, sequential
+from app.present.words import count, of_whole, resolution, short
+from etnet.render.colours import counting, css_gradient, diverge, diverging, hexadecimal, sequential
 from etnet.render.encode import data_url
 
 PLANES: dict[Plane, tuple[str, str]] = {
@@ -80,6 +81,21 @@ def channels_html(
     return panel("channels", head, image, what, _scale(channels, limit), grid, f'<div class="et-note">{note}</div>')
 
 
+def norms_html(norms: Norms) -> str:
+    """How strong each level's memory was after each of the last windows."""
+    hues = [hexadecimal(LINK_COLOURS[level + 1]) for level in range(norms.hidden.shape[1])]
+    parts = [f"<h4>How strong it was in the last {len(norms.indices)} windows</h4>"]
+    keys = "".join(
+        swatch(hue, f"{resolution(level + 1)}: now {short(float(norms.cell[-1, level]))} cell, "
+        f"{short(float(norms.hidden[-1, level]))} hidden") for level, hue in enumerate(hues)
+    )  # fmt: skip
+    for words, values in (("cell", norms.cell), ("hidden", norms.hidden)):
+        top = max(float(values.max()) * 1.1, 1e-6)
+        lines = {hue: values[:, level] for level, hue in enumerate(hues)}
+        parts.append(curves(lines, top, f"{words}, root mean square: up to {short(top)}", "0"))
+    return panel("norms", *parts, f'<div class="et-swatches" data-testid="norms-now">{keys}</div>')
+
+
 def remembered_html(found: Remembered, key: object, query: tuple[int, int] | None, on_pick: str) -> str:
     """A map of how many windows each pixel needs, and the mean error of each depth."""
     height, width = found.needed.shape
@@ -102,8 +118,8 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
     here = ""
     if query is not None:
         needs = int(found.needed[query[1], query[0]])
-        words = f"more than {deepest}" if needs < 0 else "none" if needs == 0 else f"{needs}"
-        here = f"Pixel ({query[0]}, {query[1]}) needs {words} before this one. "
+        words = f"more than {deepest} windows" if needs < 0 else "no window" if needs == 0 else f"{needs} windows"
+        here = f"Pixel ({query[0]}, {query[1]}) needs {words.replace('1 windows', '1 window')} before this one."
     lead = (
         "Measured, not read off the gates: the network is started cold so many windows earlier, and a pixel counts as "
         f"remembered once it stays within {percent(found.tolerance, is_signed=False)} of the image with all memory."
@@ -120,7 +136,7 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
         image,
         scale,
         f'<div class="et-say" data-testid="needs">{here}</div>' if here else "",
-        f'<div class="et-note">orange: {more:.0%} of the image needs more than {deepest}</div>',
+        f'<div class="et-note">orange: {of_whole(more)} of the image needs more than {deepest}</div>',
         "<h4>Mean error with so little memory</h4>",
         f'<div class="et-table et-two">{rows}</div>',
     )

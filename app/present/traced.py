@@ -10,7 +10,7 @@ from app.present.found import Traced
 from app.present.html import escape, marker, panel
 from app.present.inside import button, buttons, plain_bar, signed_legend, signed_picture
 from app.present.moment import ARRAYS
-from app.present.words import count, milliseconds
+from app.present.words import count, milliseconds, of_whole
 from etnet.render.colours import diverge
 
 BACK = (0, 1, 2, 4, 8)
@@ -30,7 +30,7 @@ def traced_html(traced: Traced | None, key: object, num_back: int, on_pick: str)
         return panel("traced", choice)
     height, width = traced.windows[0].events.sensor.height, traced.windows[0].events.sensor.width
     owed = ARRAYS.get(("owed", key), lambda: _owed(traced, height, width), lambda made: made.nbytes)
-    limit = weight_limit(traced)
+    limit = max(float(np.percentile(np.abs(owed[owed != 0]), 99.5)) if owed.any() else 0.0, 1e-5)
     x, y = traced.pixel
     image = signed_picture(
         owed,
@@ -46,7 +46,7 @@ def traced_html(traced: Traced | None, key: object, num_back: int, on_pick: str)
         f"Pixel ({x}, {y}) has {100 * traced.value:.1f} % of full brightness. Its gradient goes back to {count(num)} "
         "events: orange ones made it brighter, blue ones darker. The events in the scene wear the same colours."
     )
-    said = f"{near:.0%} of it comes from events within 16 pixels."
+    said = f"{of_whole(near)} of it comes from events within 16 pixels."
     return panel(
         "traced",
         choice,
@@ -107,7 +107,7 @@ def _windows(traced: Traced) -> str:
         when = "this window" if window is traced.windows[-1] else f"window {count(window.index)}, ended {ago} earlier"
         rows.append(
             f'<span class="et-note">{when}</span><span class="et-measure">{plain_bar(amount / whole, 1.0)}'
-            f"<b>{amount / whole:.0%}</b></span>"
+            f"<b>{of_whole(amount / whole)}</b></span>"
         )
     return f'<div class="et-table et-two">{"".join(rows)}</div>'
 
@@ -136,4 +136,4 @@ def _cloud(traced: Traced, limit: int) -> EventCloud:
         quiet = quiet[np.linspace(0, len(quiet) - 1, room).round().astype(np.int64)] if room > 0 else quiet[:0]
     chosen = np.concatenate([quiet, loud])
     colours = np.maximum(diverge(weights[chosen], end), np.uint8(52))  # dim grey where nothing is owed
-    return EventCloud(places[chosen], colours, len(weights), span / 1000)
+    return EventCloud(places[chosen], colours, len(weights), span / 1000, is_traced=True)

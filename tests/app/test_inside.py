@@ -35,9 +35,12 @@ from app.present import AttentionLook, Moment, Tones
 from app.present.attention_tools import attention_tools_html, pinned_html
 from app.present.change import change_html, change_words
 from app.present.given import given_html
+from app.present.links import links_of
 from app.present.matters import attended_html, matters_html
 from app.present.traced import traced_cloud, traced_html
 from app.questions import questions
+from app.scene.links import arc
+from app.scene.space import Space
 from app.studies import Finding
 from app.studio import Pace, Stage
 from app.view_state import Limits, ViewState, reduce
@@ -49,7 +52,7 @@ from etnet.nets.presets import build_model
 from etnet.nets.runtime import contract_of
 from etnet.playback.playback import Playback
 from etnet.windows import ByCount, plan_windows
-from tests.inspection.small import EVENTS_A_WINDOW, small_playback
+from tests.inspection.small import EVENTS_A_WINDOW, SENSOR, small_playback
 
 from .fakes import Inbox, Shelf
 from .test_present import PICK, Checker
@@ -124,7 +127,7 @@ ASKED = st.one_of(
 )
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(st.lists(ASKED, max_size=20), st.integers(0, 7))
 def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_all(asked, index):
     state = ViewState(index=index)
@@ -137,7 +140,7 @@ def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_al
         assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(st.lists(ASKED, max_size=20))
 def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(asked):
     view = InsideView()
@@ -146,7 +149,7 @@ def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(a
     assert inside_view.restored(inside_view.kept(view)) == view.anew()
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(
     st.text(max_size=60)
     | st.builds("{}:{}".format, st.sampled_from(["pin:a", "edit:drop", "set", "switch"]), st.text())
@@ -339,7 +342,7 @@ def test_a_map_pinned_twice_differs_from_itself_by_nothing(ready):
     pinned = PinnedMap(SITE, None, "mean", QUERY)
     view = InsideView(pin_a=pinned, pin_b=pinned)
     page = Checker(pinned_html(ready, AttentionLook(QUERY), view, PICK))
-    assert "A and B share 100% of their weight." in page.text
+    assert "A and B share 100 % of their weight." in page.text
     other = replace(view, pin_b=replace(pinned, site="scale1.encoder.0.self", head=1))
     assert len(page.by_testid("a-minus-b")) == 1
     assert "head 2" in Checker(pinned_html(ready, AttentionLook(QUERY), other, PICK)).text
@@ -423,7 +426,8 @@ def test_the_memory_of_the_clicked_pixel_is_said(stage, moment):
     state = ViewState(query=QUERY, index=5, inside=InsideView(opened="memory"))
     page = Checker(inspector_html(page_of(state, moment, None, remembered=(study, found))))
     needs = int(found.needed[QUERY[1], QUERY[0]])
-    said = f"needs {'more than 4' if needs < 0 else 'none' if needs == 0 else needs} before"
+    words = {-1: "more than 4 windows", 0: "no window", 1: "1 window"}
+    said = f"needs {words.get(needs, f'{needs} windows')} before"
     assert f"Pixel {QUERY} {said}" in page.text
 
 
@@ -449,7 +453,7 @@ def test_what_is_followed_ends_in_the_map_of_the_window_on_show(stage, ready):
     token = grid.token_at(*QUERY)
     row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
     assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
-    state = ViewState(query=QUERY, index=5, inside=InsideView(opened="time"))
+    state = ViewState(query=QUERY, index=5, site=SITE, inside=InsideView(opened="time"))
     anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
     page = Checker(inspector_html(page_of(state, moment_of(stage), ready, anatomy=anatomy, followed=(study, followed))))
     assert f"now {followed.entropy[-1]:.2f} bits" in page.text
@@ -460,3 +464,38 @@ def test_paths_of_attention_say_so_where_there_is_none(moment, opened):
     anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(build_model("e2vid")))
     state = ViewState(query=QUERY, inside=InsideView(opened=opened))
     assert "made of convolutions alone" in Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy))).text
+
+
+def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
+    links = links_of(ready, QUERY)
+    assert [link.scale for link in links] == sorted((link.scale for link in links), reverse=True)
+    space = Space(SENSOR)
+    pieces = arc(space, QUERY, links[0].pixel)
+    ends = space.place(np.array([[*QUERY, 0], [*links[0].pixel, 0]], np.float32) + np.float32([0.5, 0.5, 0]))
+    assert np.allclose(pieces[0, 0, :2], ends[0, :2])
+    assert np.allclose(pieces[-1, 1, :2], ends[1, :2], atol=1e-5)
+    assert np.array_equal(pieces[1:, 0], pieces[:-1, 1])
+    assert (pieces[..., 2] < 0).all()
+    assert links_of(None, QUERY) == links_of(ready, None) == ()
+
+
+def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(stage, moment):
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    study = parts.OutcomeStudy(wish_of(5, intervention=Intervention(without_context=True)))
+    for removed, is_answer in ((frozenset(), True), (frozenset({1}), False)):
+        change = Change(Intervention(without_context=True, removed_skips=removed))
+        state = ViewState(index=5, inside=InsideView(opened="change", change=change))
+        page = page_of(state, moment, None, anatomy=anatomy, outcome=(study, whole(study, stage)))
+        assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
+
+
+def test_norms_are_those_of_the_states(stage, moment):
+    study = memory.NormsStudy(wish_of(5))
+    norms = whole(study, stage)
+    assert norms.indices == tuple(range(6))
+    cell = stage.playback.state(5).tensors[3]
+    assert norms.cell[-1, 1] == pytest.approx(float(cell.square().mean().sqrt()), rel=1e-5)
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    state = ViewState(index=5, inside=InsideView(opened="state"))
+    page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, norms=(study, norms))))
+    assert "in the last 6 windows" in page.text
