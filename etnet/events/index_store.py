@@ -7,6 +7,7 @@ import hashlib
 import io
 import os
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ MAX_FILES = 256
 
 _SAMPLES, _SAMPLE_BYTES = 16, 1 << 16
 _DIGEST_BYTES = 32
+_ABANDONED = 86_400
+"""Seconds after which an unfinished file is that of a process that was stopped."""
 
 Arrays = dict[str, Int64[np.ndarray, "..."]]
 
@@ -26,7 +29,11 @@ def index_folder() -> Path:
     if "ETNET_CACHE" in os.environ:
         return Path(os.environ["ETNET_CACHE"]) / "indices"
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "etnet" / "indices"
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "etnet" / "indices"
+    except RuntimeError:
+        # A user without a home, as in some containers.
+        return Path(tempfile.gettempdir()) / "etnet" / "indices"
 
 
 def index_path(file: Path, what: str) -> Path:
@@ -70,6 +77,11 @@ def save_index(path: Path, arrays: Arrays) -> None:
             os.replace(unfinished, path)
         finally:
             Path(unfinished).unlink(missing_ok=True)
-        kept = sorted(path.parent.glob("*.index"), key=lambda each: each.stat().st_mtime)
-        for old in kept[:-MAX_FILES]:
-            old.unlink(missing_ok=True)
+        _prune(path.parent)
+
+
+def _prune(folder: Path) -> None:
+    kept = sorted(folder.glob("*.index"), key=lambda each: each.stat().st_mtime)
+    forgotten = [each for each in folder.glob("*.unfinished") if time.time() - each.stat().st_mtime > _ABANDONED]
+    for old in (*kept[:-MAX_FILES], *forgotten):
+        old.unlink(missing_ok=True)

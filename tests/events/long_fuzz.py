@@ -15,7 +15,9 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -60,8 +62,9 @@ def run_batch(seed: Path, entropy: int, num_files: int) -> dict[str, object]:
             os.environ["TMPDIR"] = os.environ["ETNET_CACHE"] = tempfile.tempdir = name
             with (folder / "said").open("w") as said:
                 os.dup2(said.fileno(), 2)
-            (folder / "result").write_text(json.dumps(read_batch(seed, entropy, folder, num_files)))
-            os._exit(0)
+            run_and_end(
+                lambda: (folder / "result").write_text(json.dumps(read_batch(seed, entropy, folder, num_files)))
+            )
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         if status == 0:
             return json.loads((folder / "result").read_text())
@@ -73,14 +76,24 @@ def run_batch(seed: Path, entropy: int, num_files: int) -> dict[str, object]:
 
 def make_seed(name: str, folder: Path) -> Path | None:
     """The sound file, made in a child so that the parent stays without the libraries' threads; None if it is absent."""
-    if name in REAL:
+    if name not in (*WRITTEN, *MADE):
         return DATA / name if (DATA / name).exists() else None
     child = os.fork()
     if child == 0:
-        seed_file(name, folder)
-        os._exit(0)
-    os.waitpid(child, 0)
+        run_and_end(lambda: seed_file(name, folder))
+    if os.waitpid(child, 0)[1] != 0:
+        sys.exit(f"{name}: the sound file could not be made")
     return folder / name
+
+
+def run_and_end(work: Callable[[], object]) -> NoReturn:
+    """In a child: do it and end there, whatever happens; nothing of the parent's is unwound twice."""
+    try:
+        work()
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    os._exit(0)
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from etnet.events import index_store
 from etnet.events.formats import indexed_raw, paged, prophesee
 from etnet.events.formats.evt_words import EVT, Notes, State
 from etnet.events.index_store import index_folder, index_path, load_index, save_index
@@ -183,6 +184,19 @@ def test_many_writers_leave_a_whole_index(tmp_path):
         assert found is None or np.array_equal(found["stamps"], arrays["stamps"])
     assert load_index(path) is not None
     assert [each.name for each in path.parent.iterdir()] == ["a.index"]
+
+
+def test_the_folder_of_indices_does_not_grow_without_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(index_store, "MAX_FILES", 3)
+    forgotten = tmp_path / "a.unfinished"
+    forgotten.write_bytes(b"half")
+    os.utime(forgotten, (1, 1))
+    for number in range(6):
+        path = tmp_path / f"{number}.index"
+        save_index(path, {"stamps": np.arange(3)})
+        os.utime(path, (number + 10, number + 10))
+    save_index(tmp_path / "new.index", {"stamps": np.arange(3)})
+    assert sorted(each.name for each in tmp_path.glob("*.*")) == ["4.index", "5.index", "new.index"]
 
 
 def test_a_folder_that_cannot_be_written_keeps_nothing_and_the_file_opens(raw, tmp_path):

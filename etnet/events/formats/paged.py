@@ -81,15 +81,18 @@ def paged(
     if request.assume.mends:
         return collect(request, _pages(num_events, read_columns), declared, remarks)
     sensor = stated_sensor(request, declared, remarks)
-    probes = _probes(num_events, read_columns, _FEW_PROBES if sensor is not None else _MANY_PROBES)
+    only_stamps = read_stamps or (lambda start, stop: read_columns(start, stop).t)
     if sensor is None:
-        sensor = _probed_sensor(probes, request, num_events, read_columns, remarks)
-    _check_probes(probes, request.name)
-    span = Span(int(read_columns(0, 1).t[0]), int(read_columns(num_events - 1, num_events).t[0]))
+        probes = [(start, read_columns(start, stop)) for start, stop in _places(num_events, _MANY_PROBES)]
+        sensor = _probed_sensor([probe for _, probe in probes], request, num_events, read_columns, remarks)
+        _check_probes([(start, probe.t) for start, probe in probes], request.name)
+    else:
+        places = _places(num_events, _FEW_PROBES)
+        _check_probes([(start, only_stamps(start, stop)) for start, stop in places], request.name)
+    span = Span(int(only_stamps(0, 1)[0]), int(only_stamps(num_events - 1, num_events)[0]))
     lock = Lock()
     stamps = None
     if num_events >= LONG:
-        only_stamps = read_stamps or (lambda start, stop: read_columns(start, stop).t)
         stamps = StampIndex(request, num_events, only_stamps, lock)
         request.resources.callback(stamps.stop)
     source = PagedSource(request, what, num_events, sensor, read_columns, lock, stamps)
@@ -102,32 +105,31 @@ def _pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
         yield read_columns(start, stop)._replace(fraction=stop / num_events)
 
 
-def _probes(num_events: int, read_columns: ReadColumns, most: int) -> list[tuple[int, Decoded]]:
+def _places(num_events: int, most: int) -> list[tuple[int, int]]:
     """A few short slices, spread over the file, first and last events among them."""
     last = max(0, num_events - _PROBE)
     starts = sorted({int(place) for place in np.linspace(0, last, min(most, 1 + num_events // _PROBE))} | {last})
-    return [(start, read_columns(start, min(start + _PROBE, num_events))) for start in starts]
+    return [(start, min(start + _PROBE, num_events)) for start in starts]
 
 
-def _check_probes(probes: list[tuple[int, Decoded]], name: str) -> None:
+def _check_probes(probes: list[tuple[int, np.ndarray]], name: str) -> None:
     before = None
-    for start, probe in probes:
-        if before is not None and start >= before[0] and probe.t[0] < before[1]:
+    for start, t in probes:
+        if before is not None and start >= before[0] and t[0] < before[1]:
             raise RecordingError(
-                f"{name}: time runs back before event {start} ({before[1]} > {probe.t[0]} µs); open it with --sort"
+                f"{name}: time runs back before event {start} ({before[1]} > {t[0]} µs); open it with --sort"
             )
-        before = (start + len(probe.t), int(probe.t[-1]))
+        before = (start + len(t), int(t[-1]))
 
 
 def _probed_sensor(
-    probes: list[tuple[int, Decoded]],
+    pieces: list[Decoded],
     request: Request,
     num_events: int,
     read_columns: ReadColumns,
     remarks: Remarks,
 ) -> Sensor:
     """From all events of a short file, from the probes of a long one (which then must fill a known sensor)."""
-    pieces = [probe for _, probe in probes]
     where = "the events looked at"
     if num_events <= 16 * PAGE:
         pieces, where = list(_pages(num_events, read_columns)), "the events"
