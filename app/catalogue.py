@@ -252,7 +252,7 @@ def _models(config: ViewerConfig) -> Iterator[ModelEntry]:
         if not path.is_file():
             known = ", ".join([*bundled, *BASELINES])
             raise WeightsError(f"--model {wanted}: no such weights file or bundled model; bundled are {known}")
-        yield _model_entry(f"file-{_digest(path)}", path, path)
+        yield _own_entry(path) if path.suffix == ".py" else _model_entry(f"file-{_digest(path)}", path, path)
     if wanted in BASELINES:
         yield _baseline_entry(wanted)
     for name in sorted(bundled, key=lambda name: name != wanted):
@@ -268,6 +268,10 @@ def _models(config: ViewerConfig) -> Iterator[ModelEntry]:
 
 def _weights_in(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*.safetensors") if not path.name.startswith("."))[:MAX_MODELS]
+
+
+def _own_entry(path: Path) -> ModelEntry:
+    return ModelEntry(f"file-{_digest(path)}", path.stem, f"your own, {path.name}", False, None, None, path)
 
 
 def _baseline_entry(name: str) -> ModelEntry:

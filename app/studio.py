@@ -9,6 +9,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from app.catalogue import ModelEntry
@@ -242,8 +243,11 @@ def is_exact(stage: Stage, wish: Wish) -> bool:
 
 
 def _load(entry: ModelEntry, precision: str, device: str) -> Any:
+    from etnet.nets.own import load_own
     from etnet.nets.weights import load_model
 
+    if isinstance(entry.source, Path) and entry.source.suffix == ".py":
+        return load_own(entry.source)
     return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
 
 
