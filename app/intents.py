@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from app.compare_view import CompareIntent
 from app.inside_view import InsideIntent
 from etnet.windows import Policy
 
 Workspace = Literal["inspect", "attention", "demo"]
 Precision = Literal["auto", "fp32", "bf16"]
 EventImage = Literal["polarity", "count", "time surface", "decay"]
-Tone = Literal["auto", "raw", "robust", "gamma"]
+Tone = Literal["auto", "raw", "robust", "gamma", "hdr", "clahe"]
 Camera = Literal["orbit", "front", "side"]
 MapRange = Literal["shared", "per map"]
 
@@ -217,4 +218,5 @@ Intent = (
     | ShowEvents
     | OpenBin
     | InsideIntent
+    | CompareIntent
 )

@@ -12,6 +12,7 @@ from app.assets import page_folder
 from app.channel import AskHelp, Message, open_channel
 from app.panels.attention import AttentionPanel
 from app.panels.base import Dispatch, Page, Panel
+from app.panels.compare import ComparePanel
 from app.panels.inside import InsidePanel
 from app.panels.overview import Demo, Provenance, SceneLegend
 from app.panels.pictures import EventPicture, Reconstruction, Voxels
@@ -24,6 +25,8 @@ PHONE_ASPECT = 0.9
 """A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
 WIDTHS: dict[ask.Workspace, tuple[int, int]] = {"inspect": (470, 400), "attention": (360, 560), "demo": (470, 400)}
 """Pixels of the left and the right column."""
+COMPARE_WIDTH = 560
+"""Pixels of the right column while lanes are compared."""
 COMMANDS: tuple[tuple[str, str | None, ask.Intent], ...] = (
     ("Play or pause", "space", ask.TogglePlay()),
     ("Play or pause ", "K", ask.TogglePlay()),
@@ -52,13 +55,16 @@ class Layout:
     is_phone: bool
     left: viser.PanelHandle | None = None
 
-    def arrange(self, workspace: ask.Workspace) -> None:
-        """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark."""
+    def arrange(self, workspace: ask.Workspace, compares: bool = False) -> None:
+        """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark.
+
+        Lanes beside each other need a wider column than a list of settings.
+        """
         if self.left is None:
             return
         left, right = WIDTHS[workspace]
         self.left.set_width(left)
-        self.client.gui.main_panel.set_width(right)
+        self.client.gui.main_panel.set_width(max(right, COMPARE_WIDTH) if compares else right)
 
     def show(self, page: Page) -> None:
         """Draw what has changed."""
@@ -104,7 +110,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
     gui = client.gui
     provenance, legend, demo = Provenance(), SceneLegend(), Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
-    attention, source, view = AttentionPanel(), Source(), ViewPanel()
+    attention, source, view, compare = AttentionPanel(), Source(), ViewPanel(), ComparePanel()
     inside = InsidePanel()
 
     left = gui.add_panel()
@@ -120,6 +126,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
         ("Inside", viser.Icon.MICROSCOPE, inside),
         ("Recording", viser.Icon.DATABASE, source),
         ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
+        ("Compare", viser.Icon.COLUMNS_3, compare),
     ):
         with tabs.add_tab(title, icon):
             panel.build(gui, dispatch)
@@ -135,7 +142,8 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
             panel.build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
 
-    panels = (transport, events, voxels, reconstruction, attention, inside, source, view, provenance, legend, demo)
+    columns = (reconstruction, events, voxels, attention, inside, source, view, compare)
+    panels = (transport, *columns, provenance, legend, demo)
     return Layout(client, panels, legend, False, left)
 
 

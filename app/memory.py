@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
-from app import inside_view
+from app import compare_view, inside_view
 from app import intents as ask
 from app.view_state import SITE_PATTERN, ViewState, choices
 from etnet.errors import EtnetError
@@ -24,6 +24,7 @@ def to_text(state: ViewState) -> str:
     if state.policy is not None:
         kept["policy"] = {"kind": type(state.policy).__name__, **asdict(state.policy)}
     kept["inside"] = inside_view.kept(state.inside)
+    kept["compare"] = compare_view.kept(state.compare)
     return json.dumps(kept)
 
 
@@ -136,4 +137,5 @@ _CHECKS: dict[str, Callable[[object], object]] = {
     "shows_events": _flag,
     "voxel_bin": _optional(_whole),
     "inside": inside_view.restored,
+    "compare": lambda value: compare_view.restored(value, _policy),
 }

@@ -19,13 +19,16 @@ from app import intents as ask
 from app.answers import Answers
 from app.catalogue import Catalogue
 from app.channel import AskHelp, Hello, Resized
+from app.comparing import Comparing, LanePlanned, LaneReply
 from app.engine import Engine
 from app.keeper import Keeper
 from app.layout import build_layout, show_help
+from app.looking.lanes import lane_questions, scored, slot_of
 from app.opening import Opened, Opener, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.present.lane import LaneShown
 from app.questions import questions
 from app.scene.space import Space
 from app.stage import Stage
@@ -54,7 +57,20 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = ask.Intent | Hello | Resized | AskHelp | Reply | Found | Opened | Unopened | CanvasChanged | Closed
+Item = (
+    ask.Intent
+    | Hello
+    | Resized
+    | AskHelp
+    | Reply
+    | Found
+    | LanePlanned
+    | LaneReply
+    | Opened
+    | Unopened
+    | CanvasChanged
+    | Closed
+)
 
 
 class Session:
@@ -72,6 +88,7 @@ class Session:
         self._player = Player()
         self._answers = Answers()
         self._studying = Studying(engine, self._visitor, self._mail.put)
+        self._comparing = Comparing(engine, catalogue, self._visitor, self._mail.put)
         self._opened: Opened | None = None
         self._refused: Plan | None = None
         self._trouble = ""
@@ -85,7 +102,7 @@ class Session:
         self._glanced_at = 0.0
         self._cached: object = None
         self._layout = build_layout(client, self._mail.put, self._mail.put)
-        self._layout.arrange(default.workspace)
+        self._arrange()
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
         self._thread = threading.Thread(target=self._run, daemon=True, name=self._visitor)
@@ -101,6 +118,7 @@ class Session:
         try:
             self._serve()
         finally:
+            self._comparing.close()
             self._engine.drop(self._visitor)
 
     def _serve(self) -> None:
@@ -151,6 +169,9 @@ class Session:
             case Found():
                 self._is_dirty |= self._studying.take(item)
                 return
+            case LanePlanned() | LaneReply():
+                self._is_dirty |= self._comparing.take(item)
+                return
             case Opened() | Unopened():
                 self._settle(item)
             case _:
@@ -174,15 +195,18 @@ class Session:
             self._state = reduce(self._state, ask.ChooseModel(self._catalogue.models()[0].id), Limits())
         if refused:
             self._notify("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
-        self._layout.arrange(self._state.workspace)
+        self._arrange()
 
     def _reduce(self, intent: ask.Intent) -> None:
         before = self._state
         self._state = reduce(before, intent, self._limits)
-        if self._state.workspace != before.workspace:
-            self._layout.arrange(self._state.workspace)
+        if _arrangement(self._state) != _arrangement(before):
+            self._arrange()
         if isinstance(intent, ask.ChooseCamera) and self._opened is not None:
             self._stage.place(Space(self._opened.recording.sensor), self._state.camera, again=True)
+
+    def _arrange(self) -> None:
+        self._layout.arrange(*_arrangement(self._state))
 
     def _settle(self, item: Opened | Unopened) -> None:
         self._opener.heard(item.plan)
@@ -269,8 +293,10 @@ class Session:
         )
         if self._answers.ask(wish):
             self._engine.request(self._visitor, wish, self._hear)
+        lanes = self._comparing.lanes(state, moment, self._answers)
+        self._comparing.ask(state, lanes)
         if not (self._is_moving() or state.is_playing):
-            self._studying.want(questions(state, wish))
+            self._studying.want({**questions(state, wish), **lane_questions(state, lanes, self._num_seen)})
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
@@ -291,14 +317,24 @@ class Session:
             self._cached,  # pyright: ignore[reportArgumentType]  the engine's report is what the timeline draws
             Tones.of(self._state, model.is_linear_light),
             AttentionLook.of(self._state, model.is_linear_light),
-            ModelFacts(model.title, model.trained_band),
+            ModelFacts(model.title, model.trained_band, model.card),
             self._engine.status(answers.wish).step_milliseconds if answers.wish else None,
             self._is_moving() or self._state.is_playing,
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
             findings=self._studying.findings,
+            lanes=self._lanes(moment),
         )
+
+    def _num_seen(self, wish: Wish) -> int:
+        cached = self._engine.cached(wish)
+        return 0 if cached is None else sum(len(part) for part in cached.frames)
+
+    def _lanes(self, moment: Moment | None) -> tuple[LaneShown, ...]:
+        findings = self._studying.findings
+        lanes = self._comparing.lanes(self._state, moment, self._answers)
+        return tuple(scored(lane, findings.get(slot_of("moment", lane))) for lane in lanes)
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
@@ -314,3 +350,7 @@ class Session:
             if aspect != seen:
                 seen = aspect
                 self._mail.put(CanvasChanged())
+
+
+def _arrangement(state: ViewState) -> tuple[ask.Workspace, bool]:
+    return state.workspace, state.compare.inspector != "none"

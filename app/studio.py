@@ -9,14 +9,16 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from app.catalogue import ModelEntry
+from app.cleaned import cleaned_once
 from app.wishes import Wish
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.windows import Window, plan_windows
+from etnet.windows import Window, from_window, plan_windows
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -29,8 +31,8 @@ WARM_UP = 20
 Measured with the first weights of `etnet-half`: after 20 windows a preview differs from the exact frame by 9–16 % of
 the frame's standard deviation (mean absolute; `slider_depth`, `astronaut`), after 8 by 28–40 %, after 30 by 3–9 %.
 """
-KEPT_MODELS = 2
-KEPT_PLAYBACKS = 4
+KEPT_MODELS = 5
+KEPT_PLAYBACKS = 8
 ATTENTION_SHARE = 0.125
 """Of the byte budget, for the queries and keys of the frames last asked for."""
 
@@ -209,7 +211,8 @@ class Studio:
         from etnet.playback.playback import Playback
 
         recording = self._library.open(wish.recording_id)
-        windows = plan_windows(recording, wish.policy)
+        recording = cleaned_once(recording, wish.cleaning)
+        windows = from_window(plan_windows(recording, wish.policy), wish.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(wish.model_id, wish.precision)
@@ -221,7 +224,7 @@ class Studio:
     def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
         for key in keys:
             del self._stages[key]
-            for held in [name for name in self._attention if name[:4] == key]:
+            for held in [name for name in self._attention if name[: len(key)] == key]:
                 self._attention_bytes -= self._attention.pop(held).nbytes
         if keys:
             self._divide()
@@ -236,12 +239,15 @@ def is_exact(stage: Stage, wish: Wish) -> bool:
     """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
     from etnet.nets.runtime import contract_of
 
-    return wish.is_original and contract_of(stage.playback.model) == stage.contract  # pyright: ignore
+    return wish.is_original and contract_of(stage.playback.model) == stage.contract
 
 
 def _load(entry: ModelEntry, precision: str, device: str) -> Any:
+    from etnet.nets.own import load_own
     from etnet.nets.weights import load_model
 
+    if isinstance(entry.source, Path) and entry.source.suffix == ".py":
+        return load_own(entry.source)
     return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
 
 
@@ -249,7 +255,9 @@ def _trial_milliseconds(model: Any) -> float:
     """The faster of two steps over an empty 128×96 window, ms."""
     import torch
 
-    device = next(model.parameters()).device
+    from etnet.nets.runtime import device_of
+
+    device = device_of(model)
     voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
     times: list[float] = []
     with torch.inference_mode():

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar, get_args
 
 from app import intents as ask
+from app.compare_view import CompareIntent, CompareView, reduce_compare
 from app.inside_view import SITE_PATTERN, InsideIntent, InsideView, reduce_inside
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
@@ -78,12 +79,16 @@ class ViewState:
     shows_events: bool = True
     voxel_bin: int | None = None
     inside: InsideView = field(default_factory=InsideView)
+    compare: CompareView = field(default_factory=CompareView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
     """The state after `intent`, every value inside `limits`. Nothing else may change a view."""
     if isinstance(intent, InsideIntent):
         return replace(state, inside=reduce_inside(state.inside, intent, state.index))
+    if isinstance(intent, CompareIntent):
+        now = limits.windows[limits.clamp_index(state.index)].t_start if limits.windows else None
+        return replace(state, compare=reduce_compare(state.compare, intent, now))
     return (
         _reduce_playback(state, intent, limits)
         or _reduce_source(state, intent, limits)
@@ -126,7 +131,8 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
         case ask.OpenRecording(recording_id):
             if recording_id == state.recording_id:
                 return state
-            opened = replace(state, recording_id=recording_id, policy=None, inside=state.inside.anew())
+            fresh = {"inside": state.inside.anew(), "compare": state.compare.anew()}
+            opened = replace(state, recording_id=recording_id, policy=None, **fresh)
             return replace(opened, index=0, moment=None, query=None, is_playing=False)
         case ask.ChooseModel(model_id):
             return replace(state, model_id=model_id, inside=state.inside.anew())

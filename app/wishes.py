@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float32
 
 from app.intents import Precision
+from etnet.events.clean import UNCLEANED, Cleaning
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Policy
@@ -32,6 +33,10 @@ class Wish:
     edit: EventEdit = UNEDITED
     since: int | None = None
     """From which window on `intervention` and `edit` are carried in the memory; `None`: in this window alone."""
+    cleaning: Cleaning = UNCLEANED
+    """What is taken out of the recording before it is cut into windows."""
+    cold_at: int = 0
+    """The plan's window at which the memory is empty; `index` counts from there."""
 
     @property
     def frame(self) -> tuple[object, ...]:
@@ -56,12 +61,12 @@ class Wish:
     @property
     def plain(self) -> Wish:
         """The same window, with nothing changed and nothing probed: what studies of the original are about."""
-        return Wish(self.recording_id, self.model_id, self.precision, self.policy, self.index)
+        return replace(self, wants_attention=False, intervention=ORIGINAL, edit=UNEDITED, since=None)
 
     @property
-    def playback(self) -> tuple[str, str, Precision, Policy]:
+    def playback(self) -> tuple[str, str, Precision, Policy, Cleaning, int]:
         """What shares one playback: everything but the index."""
-        return self.recording_id, self.model_id, self.precision, self.policy
+        return self.recording_id, self.model_id, self.precision, self.policy, self.cleaning, self.cold_at
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,6 +21,8 @@ _TONE_WORDS = {
     "raw": "brightness as it comes",
     "gamma": "display gamma 2.2",
     "robust": "stretched, 1st … 99th percentile",
+    "hdr": "auto HDR: this frame’s black and white",
+    "clahe": "local contrast (CLAHE)",
 }
 
 
