@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -89,13 +90,18 @@ class Site(NamedTuple):
     @staticmethod
     def of(name: str) -> Site:
         """Parse a name that the network gave."""
-        scale, part, index, kind = name.split(".")
-        return Site(int(scale.removeprefix("scale")), part, int(index), kind)
+        return _site(name)
 
     @property
     def row(self) -> tuple[str, int, str]:
         """Sites in one row of the grid differ by scale alone."""
         return self.part, self.layer, self.kind
+
+
+@lru_cache(maxsize=256)
+def _site(name: str) -> Site:
+    scale, part, index, kind = name.split(".")
+    return Site(int(scale.removeprefix("scale")), part, int(index), kind)
 
 
 def site_words(name: str, sites: tuple[str, ...]) -> str:

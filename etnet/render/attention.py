@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -47,9 +49,14 @@ def level_overlay(
     level: Float[np.ndarray, "*maps rows columns"], opacity: float = 1.0
 ) -> UInt8[np.ndarray, "*maps rows columns 4"]:
     """0 … 1 → RGBA, as `overlay` colours it."""
-    alpha = opacity * level**1.4  # alike attention (1 ×) is a faint veil, not a wash
-    colours = sequential()[np.rint(level * 255).astype(np.uint8)]
-    return np.concatenate([colours, np.rint(alpha * 255).astype(np.uint8)[..., None]], axis=-1)
+    return _veils(round(opacity, 3))[np.rint(level * 255).astype(np.uint8)]
+
+
+@lru_cache(maxsize=32)
+def _veils(opacity: float) -> UInt8[np.ndarray, "256 4"]:
+    """RGBA of each level."""
+    alpha = opacity * np.linspace(0, 1, 256) ** 1.4  # alike attention (1 ×) is a faint veil, not a wash
+    return np.concatenate([sequential(), np.rint(alpha * 255).astype(np.uint8)[:, None]], axis=1)
 
 
 def dimmed(frame: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
