@@ -62,7 +62,8 @@ def _drawings(recording: Recording) -> list[float]:
     policy = ByDensity(0.35)
     playback = Playback(load_model("etnet-half", "cpu", "fp32"), recording, plan_windows(recording, policy))
     step = playback.at(2, AttentionProbe())
-    wish, contract = Wish("r", "m", "fp32", policy, 2, True), contract_of(playback.model)
+    wish = Wish("r", "m", "fp32", policy, 2, True)
+    contract = contract_of(playback.model)  # pyright: ignore[reportArgumentType]
     ready = Ready(wish, step.frame[0, 0].numpy(), step.attention, 0.0, True, False, False, contract, 2)
     took = []
     for number in range(CLICKS + 1):

@@ -223,3 +223,35 @@ def test_a_slow_page_still_gets_its_view_back(viewer):
         await browser.until_shown("window 8 of 30")
 
     visit(viewer, story, tab=None, storage={"view:a:50": kept})
+
+
+def test_a_change_goes_into_the_wish_and_out_of_it_again(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 15")
+        channel = browser.widget("channel")
+        await browser.use(browser.widget("Look at"), "Change something")
+        await browser.use(channel, "pick|inside:switch:tpa|0.5|0.5|1")
+        await browser.use(channel, "pick|inside:edit:drop:0.5|0.5|0.5|2")
+        await browser.until(lambda: viewer.engine.wishes[-1][1].edit.drop == 0.5)
+        assert viewer.engine.wishes[-1][1].intervention.without_context
+        await browser.until(lambda: any(asked[1] == "inside.outcome" and asked[2] for asked in viewer.engine.studies))
+        await browser.use(channel, "pick|inside:back|0.5|0.5|3")
+        await browser.until(lambda: viewer.engine.wishes[-1][1].is_original)
+        await browser.until(lambda: viewer.engine.studies[-1][1:] == ("inside.outcome", None))
+
+    visit(viewer, story, tab=51)
+
+
+def test_closing_every_inspector_takes_its_questions_back(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 15")
+        viewer.engine.studies.clear()
+        await browser.use(browser.widget("Look at"), "What matters here")
+        await browser.until(
+            lambda: {asked[1] for asked in viewer.engine.studies} == {"inside.anatomy", "inside.matters"}
+        )
+        await browser.use(browser.widget("Look at"), "none")
+        await browser.until(lambda: [asked[2] for asked in viewer.engine.studies[2:]] == [None, None])
+        await browser.until_shown("While nothing is open here, nothing is computed for it.")
+
+    visit(viewer, story, tab=52)
