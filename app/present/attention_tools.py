@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.inside_view import Gather, InsideView, Order, PinnedMap, pin_text
+from app.inside_view import Gather, InsideView, Order, PinnedMap, is_switched, pin_text
 from app.present.attention_maps import (
     AttentionLook,
     base_url,
@@ -46,6 +46,7 @@ def attention_tools_html(
         pinned = pin_text(PinnedMap(site, look.head, look.gather, look.query))
         pins = button("Pin as A", f"pin:a:{pinned}", on_pick) + button("Pin as B", f"pin:b:{pinned}", on_pick)
         rows.append(buttons("This map", pins, "Pin two maps, of any sites, heads or pixels, to see A − B."))
+        rows.append(buttons("Take away", _switches(inside, site, look.head, on_pick)))
         ways: dict[object, str] = {"reads": "what it reads", "read by": "who reads it"}
         rows.append(buttons("Direction", choices("direction", ways, inside.direction)))
     rows.append(buttons("Over heads", choices("gather", {**_GATHER}, inside.gather)))
@@ -60,6 +61,20 @@ def attention_tools_html(
     links: dict[object, str] = {False: "no links", True: "the strongest links"}
     rows.append(buttons("In the scene", choices("shows_links", links, inside.shows_links)))
     return panel("attention-tools", *rows)
+
+
+def _switches(inside: InsideView, site: str, head: int | None, on_pick: str) -> str:
+    """Take this head or this attention out of the network."""
+    parts = {f"site {site}": "this attention"}
+    if head is not None:
+        parts = {f"head {site} {head}": f"head {head + 1}", **parts}
+    intervention = inside.change.intervention
+    return "".join(
+        button(
+            words, f"switch:{part}", on_pick, is_on=is_switched(intervention, part), hint="See Inside: Change something"
+        )
+        for part, words in parts.items()
+    )
 
 
 def pinned_html(ready: Ready | None, look: AttentionLook | None, inside: InsideView, on_pick: str) -> str:
