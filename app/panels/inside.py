@@ -34,6 +34,8 @@ INSPECTORS: dict[Inspector, str] = {
     "rollout": "All attention rolled into one map",
     "time": "Its attention through time",
 }
+_OF_THE_ORIGINAL = ("matters", "events", "memory", "time")
+"""Inspectors that look at the unchanged network, whatever is changed."""
 _CLOSED = empty(
     "Look inside the network",
     "Choose above what to look at. While nothing is open here, nothing is computed for it.",
@@ -59,10 +61,17 @@ class InsidePanel:
 
 def inspector_html(page: Page) -> str:
     """The open inspector, or what to do."""
-    opened = page.state.inside.opened
+    inside = page.state.inside
     if page.moment is None:
         return panel("inside-empty", empty("No recording", page.trouble or "Choose one under Recording."))
-    match opened:
+    if inside.opened in _OF_THE_ORIGINAL and not inside.change.at(page.state.index).is_nothing:
+        said = "This is about the network as it is, without your change."
+        return panel("of-the-original", f'<div class="et-changed">{said}</div>') + _opened(page, page.moment)
+    return _opened(page, page.moment)
+
+
+def _opened(page: Page, moment: Moment) -> str:
+    match page.state.inside.opened:
         case "matters":
             return _matters(page)
         case "change":
@@ -70,7 +79,7 @@ def inspector_html(page: Page) -> str:
         case "events":
             return _events(page)
         case "input":
-            return _input(page, page.moment)
+            return _input(page, moment)
         case "state":
             return _state(page)
         case "memory":

@@ -128,7 +128,7 @@ def badges(ready: Ready, tones: Tones) -> str:
             )
         )
     elif not ready.wish.is_original:
-        found.append(chip("changed on purpose", "warning", "A part of the network or its events is changed"))
+        found.append(chip("changed", "warning", "A part of the network or its events is changed"))
         found.append('<button class="et-button" data-k="inside:back" data-pick="1">put back</button>')
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
