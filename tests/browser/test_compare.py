@@ -90,7 +90,7 @@ def expected(desk, recording_file):
 
 def figures(page, name):
     page.get_by_test_id(f"figures-{name}").wait_for()
-    return [float(part) for part in re.findall(r"[\d.]+$", page.get_by_test_id(f"figures-{name}").inner_text(), re.M)]
+    return [float(part) for part in re.findall(r"-?[\d.]+$", page.get_by_test_id(f"figures-{name}").inner_text(), re.M)]
 
 
 def test_three_lanes_scrub_together_with_the_right_numbers(lanes, expected):
