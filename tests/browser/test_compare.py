@@ -93,6 +93,13 @@ def figures(page, name):
     return [float(part) for part in re.findall(r"-?[\d.]+$", page.get_by_test_id(f"figures-{name}").inner_text(), re.M)]
 
 
+def test_all_tabs_stand_in_one_row_of_the_narrow_column(page):
+    tabs = page.locator("[data-dock-region=right] [data-dock-tab]")
+    tops = tabs.evaluate_all("all => all.map(tab => tab.getBoundingClientRect().top)")
+    assert len(tops) >= 5
+    assert len(set(tops)) == 1
+
+
 def test_three_lanes_scrub_together_with_the_right_numbers(lanes, expected):
     lanes.locator("body").press("j")
     for index in (19, 18):
