@@ -62,7 +62,7 @@ class ComparePanel:
         self._inspector = gui.add_dropdown("Compare", tuple(INSPECTORS))
         self._sight = gui.add_dropdown("Show", tuple(SIGHTS))
         self._measure = gui.add_dropdown("Measure", tuple(MEASURES))
-        self._replays = gui.add_checkbox("Replay the protocol’s own cut", False)
+        self._replays = gui.add_checkbox("Protocol’s own cut", False)
         self._wipe = gui.add_slider("Wipe", 0.0, 1.0, 0.01, 0.5)
         self._body = Html(gui)
         self._build_lane(gui, dispatch)

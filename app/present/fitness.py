@@ -35,7 +35,7 @@ def fitness_html(moment: Moment, finding: Finding | None, model: ModelFacts, *, 
     head = "<tr><th>property</th><th>measured</th><th>trained on</th></tr>"
     title = f'<div class="et-lead">Is this what “{escape(model.title)}” was trained for?</div>'
     hot = _hot(found, on_pick) if finding.share >= 0.8 else ""
-    lean = '<div class="et-note">Ranges are those on the weights’ card; “not on the card” is nobody’s guess.</div>'
+    lean = '<div class="et-note">Ranges are those on the weights’ card; where it gives none, nothing is guessed.</div>'
     return panel("fitness", title, busy, f'<table class="et-fit">{head}{rows}</table>', lean, hot)
 
 
@@ -81,7 +81,7 @@ def _against_frames(moment: Moment, found: Fitness) -> list[Row]:
 def _row(row: Row, model: ModelFacts) -> str:
     what, words, value, key, meaning = row
     band = model.card.get(key) if key else None
-    trained, verdict = ("not on the card" if key else "–"), ""
+    trained, verdict = ("not on card" if key else "–"), ""
     if isinstance(band, list) and len(band) == 2 and value is not None:
         trained = f"{short(float(band[0]))} to {short(float(band[1]))}"
         inside = band[0] <= value <= band[1]

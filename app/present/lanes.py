@@ -154,7 +154,7 @@ class _Draw:
         if not apart.any():
             said = f"{other.name} and {main.name} are the same, bit for bit"
         return (
-            f"{self._picture(url, f'Lane {other.name} minus lane {main.name}', is_old)}"
+            f'<div class="et-large">{self._picture(url, f"Lane {other.name} minus lane {main.name}", is_old)}</div>'
             f'<div class="et-caption"><span data-testid="difference">{escape(said)}</span></div>'
         )
 

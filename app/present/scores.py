@@ -140,8 +140,10 @@ def curves_over(moment: Moment, series: Sequence[Series], measure: str) -> str:
         is_known = np.isfinite(column)
         xs = np.interp(each.stamps[is_known], curve.stamps, curve.indices) / last * _WIDTH
         path = trace(xs, 30 - 26 * (column[is_known] - low) / (high - low))
-        line = f'stroke="{each.lane.colour}" stroke-width="1.5" vector-effect="non-scaling-stroke"'
-        drawn += f'<path d="{path}" fill="none" {line} data-lane="{each.lane.name}"/>'
+        # A dark edge below it: the curve of the event rate is light.
+        for hue, width, mark in (("#101216", 4, ""), (each.lane.colour, 1.5, f' data-lane="{each.lane.name}"')):
+            line = f'stroke="{hue}" stroke-width="{width}" vector-effect="non-scaling-stroke"'
+            drawn += f'<path d="{path}" fill="none" {line}{mark}/>'
     return drawn
 
 

@@ -128,7 +128,7 @@ def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
         await browser.until(lambda: any(isinstance(study, MomentScore) for _, _, study in studies[seen:]))
         await browser.use(browser.widget("Compare"), "scores over time")
         await browser.until(lambda: sum(isinstance(study, Strip) for _, _, study in studies[seen:]) == 2)
-        await browser.use(browser.widget("Replay the protocol’s own cut"), True)
+        await browser.use(browser.widget("Protocol’s own cut"), True)
         await browser.until(lambda: sum(isinstance(study, ProtocolRun) for _, _, study in studies[seen:]) == 2)
         await browser.use(browser.widget("Compare"), "what kind of recording this is")
         await browser.until(lambda: isinstance(studies[-1][2], FitStudy))

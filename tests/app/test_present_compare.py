@@ -116,7 +116,7 @@ def test_a_curve_breaks_where_windows_are_still_to_come():
 
 def test_the_curves_over_the_timeline_stand_at_their_windows(moment):
     drawn = curves_over(moment, [series(moment, 0, [0.1, 0.2, 0.3])], "lpips")
-    xs = [float(x) for x in re.findall(r"[ML]([\d.]+) ", drawn)]
+    xs = [float(x) for x in re.findall(r"[ML]([\d.]+) ", drawn)][3:]  # the first three are the dark edge
     assert xs == pytest.approx([0, 1000 / 29, 2000 / 29], abs=0.1)
 
 
@@ -134,6 +134,6 @@ def test_what_the_card_does_not_say_is_not_guessed_and_what_it_says_is_judged(mo
     rows = dict(re.findall(r'data-testid="fit-([^"]+)">(.*?)</tr>', html))
     assert "outside" in rows["contrast threshold"]
     assert "inside" in rows["noise"]
-    assert "not on the card" in rows["ON : OFF"]
-    assert "not on the card" in rows["refractory time"]
+    assert "not on card" in rows["ON : OFF"]
+    assert "not on card" in rows["refractory time"]
     assert "worth setting as the camera’s clock" in rows["camera lags by"]
