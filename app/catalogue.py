@@ -181,13 +181,16 @@ def _entries(config: ViewerConfig) -> Iterator[Entry]:
             folder = path.parent.relative_to(config.data)
             where = "" if folder == Path() else f"{folder} · "
             yield _entry(path, "data", f"{where}{_size(path)}")
-    for sample in SAMPLES.values():
-        yield _on_demand(sample)
+    if not config.demo:
+        for sample in SAMPLES.values():
+            yield _on_demand(sample)
 
 
 def _entry(path: Path, kind: Kind, subtitle: str) -> Entry:
     name = path.stem if kind == "bundled" else path.name or str(path)
-    return Entry(f"{kind}-{_digest(path)}", name, kind, subtitle, path)
+    # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
+    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{_digest(path)}"
+    return Entry(entry_id, name, kind, subtitle, path)
 
 
 def _on_demand(sample: RemoteSample) -> Entry:

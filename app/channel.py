@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
+from typing import get_args
 
 import viser
 
@@ -43,7 +44,12 @@ class AskHelp:
     """The question mark was pressed."""
 
 
-Message = Hello | Resized | AskHelp
+@dataclass(frozen=True, slots=True)
+class Touched:
+    """A hand is on the page, wherever: in public the demo then lets go of it."""
+
+
+Message = Hello | Resized | AskHelp | Touched
 _KEYS: dict[str, ask.Intent | AskHelp] = {"comma": ask.Move(-1), "period": ask.Move(1), "question": AskHelp()}
 
 
@@ -79,6 +85,8 @@ def parse(text: str) -> ask.Intent | Message | None:
                 return _picked(key, float(u), float(v))
             case ["key", name, _]:
                 return _KEYS.get(name)
+            case ["touch", _]:
+                return Touched()
             case ["hello", tab, width, height, _]:
                 return Hello(int(tab) % 256, _pixels(width), _pixels(height))
             case ["size", width, height, _]:
@@ -103,9 +111,18 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
             return AskHelp()
         case "head":
             return ask.ChooseHead(None if name == "mean" else int(name))
+        case "open":
+            return ask.OpenRecording(name)
+        case "workspace":
+            return ask.ShowWorkspace(known) if (known := workspace_named(name)) is not None else None
         case "bin":
             return ask.OpenBin(int(name) if name else None)
     return None
+
+
+def workspace_named(name: str) -> ask.Workspace | None:
+    """The workspace of a name that a page sent."""
+    return next((known for known in get_args(ask.Workspace) if known == name), None)
 
 
 def _pixels(text: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from app.show_view import ShowIntent
 from etnet.windows import Policy
 
 Workspace = Literal["inspect", "attention", "demo"]
@@ -215,4 +216,5 @@ Intent = (
     | ChooseCamera
     | ShowEvents
     | OpenBin
+    | ShowIntent
 )

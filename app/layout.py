@@ -14,6 +14,7 @@ from app.panels.attention import AttentionPanel
 from app.panels.base import Dispatch, Page, Panel
 from app.panels.overview import Demo, Provenance, SceneLegend
 from app.panels.pictures import EventPicture, Reconstruction, Voxels
+from app.panels.public import PublicDemo
 from app.panels.source import Source
 from app.panels.transport import Transport
 from app.panels.view import ViewPanel
@@ -66,13 +67,16 @@ class Layout:
 
 
 def build_layout(
-    client: viser.ClientHandle, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]
+    client: viser.ClientHandle,
+    dispatch: Dispatch,
+    hear: Callable[[ask.Intent | Message], None],
+    is_public: bool = False,
 ) -> Layout:
-    """Lay out one visitor's page."""
+    """Lay out one visitor's page; in public without what only the host may change."""
     is_phone = client.camera.aspect < PHONE_ASPECT
     open_channel(client.gui, hear)
     _add_commands(client.gui, dispatch, hear)
-    return _build_phone(client, dispatch) if is_phone else _build_desk(client, dispatch)
+    return _build_phone(client, dispatch, is_public) if is_phone else _build_desk(client, dispatch, is_public)
 
 
 def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -> None:
@@ -87,7 +91,7 @@ def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -
         client.camera.look_at = place.look_at
 
 
-def show_help(client: viser.ClientHandle) -> None:
+def show_help(client: viser.ClientHandle) -> viser.GuiModalHandle:
     """Keys and words of the page, in a window of their own."""
     with client.gui.add_modal("Keys and words") as modal:
         client.gui.add_html((page_folder() / "help.html").read_text("utf-8"))
@@ -96,14 +100,23 @@ def show_help(client: viser.ClientHandle) -> None:
     @close.on_click
     async def _(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
         if event.client is not None:
-            modal.close()
+            close_modal(modal)
+
+    return modal
 
 
-def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
+def close_modal(modal: viser.GuiModalHandle | None) -> None:
+    """Close a window over the page, if it is still open."""
+    if modal is not None and not modal.closed:
+        modal.close()
+
+
+def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
     gui = client.gui
-    provenance, legend, demo = Provenance(), SceneLegend(), Demo()
+    provenance, legend, demo = Provenance(), SceneLegend(), PublicDemo() if is_public else Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
-    attention, source, view = AttentionPanel(), Source(), ViewPanel()
+    attention, view = AttentionPanel(), ViewPanel()
+    source = () if is_public else (("Recording", viser.Icon.DATABASE, Source()),)
 
     left = gui.add_panel()
     with left.add_tab("Window on show", viser.Icon.PHOTO):
@@ -115,7 +128,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
     tabs = gui.add_tab_group()
     for title, icon, panel in (
         ("Attention", viser.Icon.FOCUS_2, attention),
-        ("Recording", viser.Icon.DATABASE, source),
+        *source,
         ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
     ):
         with tabs.add_tab(title, icon):
@@ -132,25 +145,27 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
             panel.build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
 
-    panels = (transport, events, voxels, reconstruction, attention, source, view, provenance, legend, demo)
+    panels = (transport, events, voxels, reconstruction, attention, view, provenance, legend, demo)
+    panels += tuple(panel for _, _, panel in source)
     return Layout(client, panels, legend, False, left)
 
 
-def _build_phone(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
+def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
     gui = client.gui
     legend, reconstruction, transport = SceneLegend(), Reconstruction(), Transport()
     for panel in (legend, reconstruction, transport):
         panel.build(gui, dispatch)
     folded: tuple[tuple[str, Panel], ...] = (
-        ("Events", events := EventPicture()),
-        ("Time bins", voxels := Voxels()),
-        ("Recording", source := Source()),
-        ("Attention", attention := AttentionPanel()),
+        ("Events", EventPicture()),
+        ("Time bins", Voxels()),
+        *(() if is_public else (("Recording", Source()),)),
+        ("Attention", AttentionPanel()),
     )
     for title, panel in folded:
         with gui.add_panel().add_tab(title):
             panel.build(gui, dispatch)
-    return Layout(client, (transport, reconstruction, events, voxels, attention, source, legend), legend, True)
+    panels = (transport, reconstruction, *(panel for _, panel in folded), legend)
+    return Layout(client, panels, legend, True)
 
 
 def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]) -> None:

@@ -37,6 +37,7 @@ class Viewer:
 
     def __init__(self, config: ViewerConfig) -> None:
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
+        from app.attract import MOST_VISITORS, public_view
         from app.engine import Engine
         from app.server import Address, free_port, start_server
         from app.session import Session
@@ -51,6 +52,8 @@ class Viewer:
             model_id=models[0].id if models else "",
             precision=config.precision,
         )
+        if config.demo:
+            default = public_view(default)
         address = Address(config.host, config.port, config.token, config.public_url)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
@@ -59,7 +62,10 @@ class Viewer:
             self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
         )
         self.server = start_server(
-            address, self.port, lambda client: Session(client, self.catalogue, self.engine, default)
+            address,
+            self.port,
+            lambda client: Session(client, self.catalogue, self.engine, default),
+            MOST_VISITORS if config.demo else None,
         )
         self.port = self.server.get_port()
         if models:

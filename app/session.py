@@ -10,24 +10,26 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 
 import viser
 
 from app import intents as ask
 from app.answers import Answers
+from app.attract import FORBIDDEN, Attract, Beat, Throttle, intents_of
 from app.catalogue import Catalogue
-from app.channel import AskHelp, Hello, Resized
+from app.channel import AskHelp, Hello, Resized, Touched
 from app.engine import Engine
 from app.keeper import Keeper
-from app.layout import build_layout, show_help
+from app.layout import build_layout, close_modal, show_help
 from app.opening import Opened, Opener, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.questions import questions
 from app.scene.space import Space
+from app.show_view import PointAt
 from app.stage import Stage
 from app.studying import Found, Studying
 from app.view_state import Limits, ViewState, reduce
@@ -54,7 +56,7 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = ask.Intent | Hello | Resized | AskHelp | Reply | Found | Opened | Unopened | CanvasChanged | Closed
+Item = ask.Intent | Hello | Resized | AskHelp | Touched | Reply | Found | Opened | Unopened | CanvasChanged | Closed
 
 
 class Session:
@@ -66,7 +68,7 @@ class Session:
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
         self._mail: SimpleQueue[Item] = SimpleQueue()
-        self._state = default
+        self._default = self._state = default
         self._keeper = Keeper(client, default)
         self._opener = Opener(catalogue, self._mail.put)
         self._player = Player()
@@ -84,7 +86,11 @@ class Session:
         self._pushed_at = 0.0
         self._glanced_at = 0.0
         self._cached: object = None
-        self._layout = build_layout(client, self._mail.put, self._mail.put)
+        is_public = default.show.is_demo
+        self._attract = Attract([entry.id for entry in catalogue.entries()]) if is_public else None
+        self._throttle = Throttle(time.monotonic())
+        self._help: viser.GuiModalHandle | None = None
+        self._layout = build_layout(client, self._hear, self._hear, is_public)
         self._layout.arrange(default.workspace)
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
@@ -93,6 +99,11 @@ class Session:
     def close(self) -> None:
         """The visitor has gone: nothing more is computed for him."""
         self._mail.put(Closed())
+
+    def _hear(self, item: Item) -> None:
+        """What a visitor does, on viser's event loop. In public nobody may do more than a hand can."""
+        if self._attract is None or self._throttle.takes(time.monotonic()):
+            self._mail.put(item)
 
     # ---- the visitor's own thread ----
 
@@ -141,7 +152,11 @@ class Session:
             case Hello(tab):
                 self._greet(tab)
             case AskHelp():
-                show_help(self._client)
+                self._touch()
+                close_modal(self._help)
+                self._help = show_help(self._client)
+            case Touched():
+                self._touch()
             case Resized() | CanvasChanged():
                 pass
             case Ready() | Working() | Failed():
@@ -154,10 +169,30 @@ class Session:
                 self._settle(item)
             case _:
                 self._has_asked = True
-                self._reduce(item)
+                self._touch()
+                if self._attract is None or not isinstance(item, FORBIDDEN):
+                    self._reduce(item)
+        self._is_dirty = True
+
+    def _touch(self) -> None:
+        """In public, a visitor takes over from the show with whatever he does first."""
+        if self._attract is not None and self._attract.touch(time.monotonic()):
+            self._reduce(PointAt("none"))
+
+    def _lead(self, beat: Beat) -> None:
+        """The next stretch of the show; a new recording is shown as to somebody who has just come."""
+        if beat.recording_id is not None:
+            close_modal(self._help)
+            self._state = replace(self._default, recording_id=beat.recording_id)
+            self._layout.arrange(self._state.workspace)
+        for intent in intents_of(beat, self._state):
+            self._reduce(intent)
         self._is_dirty = True
 
     def _greet(self, tab: int) -> None:
+        if self._attract is not None:
+            self._is_known = True  # whoever comes to a public page has not been here before
+            return
         if self._keeper.knows_tab:
             return
         recalled, refused = self._keeper.recall(tab)
@@ -209,6 +244,8 @@ class Session:
         plan = Plan(self._state.recording_id, self._state.policy)
         if self._moment() is None and plan != self._refused:
             self._opener.want(plan)
+        if self._attract is not None and (beat := self._attract.due(self._limits, time.monotonic())) is not None:
+            self._lead(beat)
         due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
         if due is not None:
             self._reduce(ask.PlayTo(due))

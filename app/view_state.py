@@ -6,10 +6,11 @@ import bisect
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar, get_args
 
 from app import intents as ask
+from app.show_view import ShowIntent, ShowView, reduce_show
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -78,10 +79,13 @@ class ViewState:
     camera: ask.Camera = "orbit"
     shows_events: bool = True
     voxel_bin: int | None = None
+    show: ShowView = field(default_factory=ShowView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
     """The state after `intent`, every value inside `limits`. Nothing else may change a view."""
+    if isinstance(intent, ShowIntent):
+        return replace(state, show=reduce_show(state.show, intent))
     return (
         _reduce_playback(state, intent, limits)
         or _reduce_source(state, intent, limits)

@@ -47,6 +47,17 @@
   });
   for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => (held = null));
 
+  // In public the show lets go of the page at the first touch, wherever it is.
+  let touched = 0;
+  const touch = (event) => {
+    if (event.timeStamp - touched < 500 || !document.querySelector("[data-etv-public]")) return;
+    touched = event.timeStamp;
+    say("touch");
+  };
+  for (const kind of ["pointerdown", "keydown", "wheel"]) {
+    document.addEventListener(kind, touch, { capture: true, passive: true });
+  }
+
   // Keys that viser's commands do not know. Not while something is being typed.
   const keys = { ",": "comma", ".": "period", "?": "question" };
   document.addEventListener("keydown", (event) => {
