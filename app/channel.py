@@ -20,6 +20,8 @@ from app import intents as ask
 ON_PICK = 'data-pick="1"'
 """The attribute that makes an element of `data-k` clickable; the same for all visitors, so that HTML is shared."""
 LONGEST_MESSAGE = 200
+LONGEST_LINK = 4000
+"""Characters: more than a link may have, so that one that is too long is refused by name and not cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,21 @@ class Touched:
     """A hand is on the page, wherever: in public the demo then lets go of it."""
 
 
-Message = Hello | Resized | AskHelp | Touched
+@dataclass(frozen=True, slots=True)
+class FollowLink:
+    """The page's address names a moment (`app.link`)."""
+
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
+class Copied:
+    """The address of the moment on show went into the clipboard, or could not."""
+
+    is_done: bool
+
+
+Message = Hello | Resized | AskHelp | Touched | FollowLink | Copied
 _KEYS: dict[str, ask.Intent | AskHelp] = {"comma": ask.Move(-1), "period": ask.Move(1), "question": AskHelp()}
 
 
@@ -78,6 +94,8 @@ def open_channel(gui: viser.GuiApi, hear: Callable[[ask.Intent | Message], None]
 
 def parse(text: str) -> ask.Intent | Message | None:
     """One message of the page, "kind|…|counter"; `None` for what cannot be understood. It is a stranger's word."""
+    if text.startswith("link|"):
+        return FollowLink(text[:LONGEST_LINK].split("|")[1])
     parts = text[:LONGEST_MESSAGE].split("|")
     try:
         match parts:
@@ -85,6 +103,8 @@ def parse(text: str) -> ask.Intent | Message | None:
                 return _picked(key, float(u), float(v))
             case ["key", name, _]:
                 return _KEYS.get(name)
+            case ["copied", is_done, _]:
+                return Copied(is_done == "1")
             case ["touch", _]:
                 return Touched()
             case ["hello", tab, width, height, _]:

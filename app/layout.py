@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import viser
 
@@ -19,6 +20,9 @@ from app.panels.source import Source
 from app.panels.transport import Transport
 from app.panels.view import ViewPanel
 from app.scene.space import Space, camera_place
+
+if TYPE_CHECKING:
+    from viser._gui_handles import GuiModalHandle
 
 PHONE_ASPECT = 0.9
 """A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
@@ -91,7 +95,7 @@ def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -
         client.camera.look_at = place.look_at
 
 
-def show_help(client: viser.ClientHandle) -> viser.GuiModalHandle:
+def show_help(client: viser.ClientHandle) -> GuiModalHandle:
     """Keys and words of the page, in a window of their own."""
     with client.gui.add_modal("Keys and words") as modal:
         client.gui.add_html((page_folder() / "help.html").read_text("utf-8"))
@@ -105,7 +109,7 @@ def show_help(client: viser.ClientHandle) -> viser.GuiModalHandle:
     return modal
 
 
-def close_modal(modal: viser.GuiModalHandle | None) -> None:
+def close_modal(modal: GuiModalHandle | None) -> None:
     """Close a window over the page, if it is still open."""
     if modal is not None and not modal.closed:
         modal.close()

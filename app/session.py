@@ -10,26 +10,26 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 
 import viser
 
 from app import intents as ask
 from app.answers import Answers
-from app.attract import FORBIDDEN, Attract, Beat, Throttle, intents_of
 from app.catalogue import Catalogue
-from app.channel import AskHelp, Hello, Resized, Touched
+from app.channel import AskHelp, Copied, FollowLink, Hello, Resized, Touched
 from app.engine import Engine
 from app.keeper import Keeper
-from app.layout import build_layout, close_modal, show_help
+from app.layout import build_layout
+from app.link import to_link
 from app.opening import Opened, Opener, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.questions import questions
 from app.scene.space import Space
-from app.show_view import PointAt
+from app.showing import Showing, Shown
 from app.stage import Stage
 from app.studying import Found, Studying
 from app.view_state import Limits, ViewState, reduce
@@ -56,7 +56,7 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = ask.Intent | Hello | Resized | AskHelp | Touched | Reply | Found | Opened | Unopened | CanvasChanged | Closed
+Item = ask.Intent | Hello | Resized | Shown | Reply | Found | Opened | Unopened | CanvasChanged | Closed
 
 
 class Session:
@@ -68,7 +68,7 @@ class Session:
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
         self._mail: SimpleQueue[Item] = SimpleQueue()
-        self._default = self._state = default
+        self._state = default
         self._keeper = Keeper(client, default)
         self._opener = Opener(catalogue, self._mail.put)
         self._player = Player()
@@ -86,11 +86,8 @@ class Session:
         self._pushed_at = 0.0
         self._glanced_at = 0.0
         self._cached: object = None
-        is_public = default.show.is_demo
-        self._attract = Attract([entry.id for entry in catalogue.entries()]) if is_public else None
-        self._throttle = Throttle(time.monotonic())
-        self._help: viser.GuiModalHandle | None = None
-        self._layout = build_layout(client, self._hear, self._hear, is_public)
+        self._showing = Showing(client, catalogue, default)
+        self._layout = build_layout(client, self._hear, self._hear, self._showing.is_public)
         self._layout.arrange(default.workspace)
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
@@ -101,8 +98,8 @@ class Session:
         self._mail.put(Closed())
 
     def _hear(self, item: Item) -> None:
-        """What a visitor does, on viser's event loop. In public nobody may do more than a hand can."""
-        if self._attract is None or self._throttle.takes(time.monotonic()):
+        """What a visitor does, on viser's event loop."""
+        if self._showing.hears():
             self._mail.put(item)
 
     # ---- the visitor's own thread ----
@@ -151,12 +148,8 @@ class Session:
                 self._is_closed = True
             case Hello(tab):
                 self._greet(tab)
-            case AskHelp():
-                self._touch()
-                close_modal(self._help)
-                self._help = show_help(self._client)
-            case Touched():
-                self._touch()
+            case AskHelp() | Touched() | FollowLink() | Copied():
+                self._answer(item)
             case Resized() | CanvasChanged():
                 pass
             case Ready() | Working() | Failed():
@@ -169,29 +162,24 @@ class Session:
                 self._settle(item)
             case _:
                 self._has_asked = True
-                self._touch()
-                if self._attract is None or not isinstance(item, FORBIDDEN):
+                self._answer(Touched())
+                if self._showing.permits(item):
                     self._reduce(item)
         self._is_dirty = True
 
-    def _touch(self) -> None:
-        """In public, a visitor takes over from the show with whatever he does first."""
-        if self._attract is not None and self._attract.touch(time.monotonic()):
-            self._reduce(PointAt("none"))
-
-    def _lead(self, beat: Beat) -> None:
-        """The next stretch of the show; a new recording is shown as to somebody who has just come."""
-        if beat.recording_id is not None:
-            close_modal(self._help)
-            self._state = replace(self._default, recording_id=beat.recording_id)
-            self._layout.arrange(self._state.workspace)
-        for intent in intents_of(beat, self._state):
+    def _lead(self) -> None:
+        """Go on with the show, where the page is in public and nobody has touched it."""
+        if (stretch := self._showing.lead(self._state, self._limits)) is None:
+            return
+        self._state, intents = stretch
+        self._layout.arrange(self._state.workspace)
+        for intent in intents:
             self._reduce(intent)
         self._is_dirty = True
 
     def _greet(self, tab: int) -> None:
-        if self._attract is not None:
-            self._is_known = True  # whoever comes to a public page has not been here before
+        if self._showing.is_public:
+            self._is_known = True
             return
         if self._keeper.knows_tab:
             return
@@ -209,6 +197,18 @@ class Session:
         if refused:
             self._notify("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
         self._layout.arrange(self._state.workspace)
+
+    def _answer(self, letter: Shown) -> None:
+        """Whatever a visitor does, the show lets go of his page first."""
+        for intent in self._showing.touch():
+            self._reduce(intent)
+        before, self._state = self._state, self._showing.answer(letter, self._state)
+        if self._state is before:
+            return
+        self._has_asked = self._is_known = True
+        self._layout.arrange(self._state.workspace)
+        if self._moment() is not None and self._state.policy is not None:
+            self._reduce(ask.Settle(self._state.policy))  # what the link names is open already
 
     def _reduce(self, intent: ask.Intent) -> None:
         before = self._state
@@ -244,8 +244,7 @@ class Session:
         plan = Plan(self._state.recording_id, self._state.policy)
         if self._moment() is None and plan != self._refused:
             self._opener.want(plan)
-        if self._attract is not None and (beat := self._attract.due(self._limits, time.monotonic())) is not None:
-            self._lead(beat)
+        self._lead()
         due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
         if due is not None:
             self._reduce(ask.PlayTo(due))
@@ -318,6 +317,7 @@ class Session:
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
             findings=self._studying.findings,
+            link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",
         )
 
     def _notify(self, title: str, body: str) -> None:

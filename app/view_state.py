@@ -154,7 +154,9 @@ def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewSt
     match intent:
         case ask.Query(x, y):
             width, height = (limits.sensor.width, limits.sensor.height) if limits.sensor else (65_536, 65_536)
-            return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)))
+            # In public the picture waits for who touches it; elsewhere playing goes on under the maps.
+            goes_on = state.is_playing and not state.show.is_demo
+            return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)), is_playing=goes_on)
         case ask.QueryFraction(x, y):
             if limits.sensor is None:
                 return state

@@ -52,6 +52,8 @@ class Page:
     """Why there is no moment, in plain words."""
     findings: Mapping[str, Finding] = field(default_factory=dict)
     """What is known of the studies that this view wants, by slot."""
+    link: str = ""
+    """The moment on show as a value for an address; empty while it moves."""
 
 
 class Panel(Protocol):

@@ -50,7 +50,7 @@ class SceneLegend:
 
     def show(self, page: Page) -> None:
         """Also the mark by which the theme knows the workspace."""
-        mark = f'<i data-etv-workspace="{page.state.workspace}"></i>'
+        mark = f'<i data-etv-workspace="{page.state.workspace}" data-etv-moment="{page.link}"></i>'
         if page.state.show.is_demo:
             mark += f"<i data-etv-public></i>{caption_html(page.state.show.act)}"
         if page.state.workspace == "attention":

@@ -56,7 +56,7 @@ def test_ids_tell_no_path_and_stay_the_same(folder):
     assert [entry.id for entry in first] == [entry.id for entry in second]
     for entry in first:
         assert "/" not in entry.id
-        assert entry.title not in entry.id or entry.kind == "on demand"
+        assert entry.title not in entry.id or entry.kind in ("on demand", "bundled")
         assert str(folder) not in repr(entry)
 
 
