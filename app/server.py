@@ -18,6 +18,7 @@ from viser.theme import TitlebarImage
 
 from app.assets import page_folder
 from app.guard import LOOPBACK, Guard, guarding
+from app.upkeep import give_back, share_arenas
 from etnet.errors import EtnetError
 
 BRAND = (255, 140, 66)
@@ -82,6 +83,7 @@ def start_server(
     guard = Guard(
         page_folder(), address.token, LOOPBACK | {_bracketed(address.host)}, public, f"ok, viser {viser.__version__}\n"
     )
+    share_arenas()
     # viser prints a frame with addresses of its own; this program says where to look in one line.
     with guarding(guard), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=address.host, port=port, label="Look inside", verbose=False)
@@ -129,6 +131,7 @@ def _welcome(
     async def _(client: viser.ClientHandle) -> None:
         if (gone := visits.pop(client.client_id, None)) is not None:
             gone.close()
+        await asyncio.to_thread(give_back)
 
 
 def _bind_once(host: str, port: int) -> None:
