@@ -17,6 +17,7 @@ from app.panels.overview import Demo, Provenance, SceneLegend
 from app.panels.pictures import EventPicture, Reconstruction, Voxels
 from app.panels.public import PublicDemo
 from app.panels.source import Source
+from app.panels.take_away import TakeAwayPanel
 from app.panels.transport import Transport
 from app.panels.view import ViewPanel
 from app.scene.space import Space, camera_place
@@ -120,7 +121,9 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
     provenance, legend, demo = Provenance(), SceneLegend(), PublicDemo() if is_public else Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
     attention, view = AttentionPanel(), ViewPanel()
+    # In public there is nothing to open, and nothing is handed out.
     source = () if is_public else (("Recording", viser.Icon.DATABASE, Source()),)
+    parcels = () if is_public else (("Take away", viser.Icon.DOWNLOAD, TakeAwayPanel()),)
 
     left = gui.add_panel()
     with left.add_tab("Window on show", viser.Icon.PHOTO):
@@ -134,6 +137,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
         ("Attention", viser.Icon.FOCUS_2, attention),
         *source,
         ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
+        *parcels,
     ):
         with tabs.add_tab(title, icon):
             panel.build(gui, dispatch)
@@ -150,7 +154,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
     foot.float(x=20, y=-15, width=900)
 
     panels = (transport, events, voxels, reconstruction, attention, view, provenance, legend, demo)
-    panels += tuple(panel for _, _, panel in source)
+    panels += tuple(panel for _, _, panel in (*source, *parcels))
     return Layout(client, panels, legend, False, left)
 
 
@@ -164,6 +168,7 @@ def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool
         ("Time bins", Voxels()),
         *(() if is_public else (("Recording", Source()),)),
         ("Attention", AttentionPanel()),
+        *(() if is_public else (("Take away", TakeAwayPanel()),)),
     )
     for title, panel in folded:
         with gui.add_panel().add_tab(title):

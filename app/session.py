@@ -23,6 +23,7 @@ from app.engine import Engine
 from app.keeper import Keeper
 from app.layout import build_layout
 from app.link import to_link
+from app.looking.taking import SLOT
 from app.opening import Opened, Opener, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
@@ -156,7 +157,10 @@ class Session:
                 self._is_dirty |= self._answers.take(item)
                 return
             case Found():
-                self._is_dirty |= self._studying.take(item)
+                if self._studying.take(item):
+                    self._is_dirty = True
+                    for intent in self._showing.hand_over(item):
+                        self._reduce(intent)
                 return
             case Opened() | Unopened():
                 self._settle(item)
@@ -297,6 +301,8 @@ class Session:
             self._engine.request(self._visitor, wish, self._mail.put)
         if not (self._is_moving() or state.is_playing):
             self._studying.want(questions(state, wish))
+        elif state.show.order is None:
+            self._studying.drop(SLOT)
 
     def _page(self, moment: Moment | None) -> Page:
         model = self._catalogue.model(self._state.model_id)

@@ -14,7 +14,9 @@ from app.catalogue import Catalogue, CatalogueError
 from app.channel import AskHelp, Copied, FollowLink, Touched
 from app.layout import close_modal, show_help
 from app.link import LinkError, from_link
-from app.show_view import PointAt
+from app.looking.taking import SLOT, Made
+from app.show_view import LeaveIt, PointAt
+from app.studying import Found
 from app.view_state import Limits, ViewState
 
 if TYPE_CHECKING:
@@ -67,6 +69,16 @@ class Showing:
             close_modal(self._help)
             state = replace(self._default, recording_id=beat.recording_id)
         return state, intents_of(beat, state)
+
+    def hand_over(self, found: Found) -> tuple[ask.Intent, ...]:
+        """Let the browser save a file that is made; the order for it is done then."""
+        made = found.finding.value
+        if found.slot != SLOT or not isinstance(made, Made):
+            return ()
+        self._client.send_file_download(made.name, made.content, save_immediately=True)
+        size = f"{len(made.content) / 1e6:.1f} MB" if len(made.content) >= 1e5 else f"{len(made.content) / 1e3:.0f} kB"
+        self._client.add_notification("Made", f"{made.name}, {size}: the browser saves it.", auto_close_seconds=6.0)
+        return (LeaveIt(),)
 
     def answer(self, letter: Shown, state: ViewState) -> ViewState:
         """Do what a letter asks; the view after it."""

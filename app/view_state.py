@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar, get_args
 
 from app import intents as ask
-from app.show_view import ShowIntent, ShowView, reduce_show
+from app.show_view import Order, ShowIntent, ShowView, TakeAway, reduce_show
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -85,12 +85,21 @@ class ViewState:
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
     """The state after `intent`, every value inside `limits`. Nothing else may change a view."""
     if isinstance(intent, ShowIntent):
-        return replace(state, show=reduce_show(state.show, intent))
+        is_playing = state.is_playing and not isinstance(intent, TakeAway)  # both would want the network
+        return replace(
+            state, is_playing=is_playing, show=reduce_show(state.show, intent, lambda wanted: _order(state, wanted))
+        )
     return (
         _reduce_playback(state, intent, limits)
         or _reduce_source(state, intent, limits)
         or _reduce_look(state, intent, limits)
     )
+
+
+def _order(state: ViewState, wanted: TakeAway) -> Order | None:
+    if state.policy is None:
+        return None
+    return Order(wanted, state.recording_id, state.model_id, state.precision, state.policy, state.index, state.query)
 
 
 def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState | None:

@@ -100,6 +100,7 @@ class InstantEngine:
 
     def study(self, visitor, slot, study, tell):
         self.studies.append((visitor, slot, study))
+        self.tell = tell
 
     def drop_study(self, visitor, slot):
         self.studies.append((visitor, slot, None))

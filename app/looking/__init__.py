@@ -1,0 +1,1 @@
+"""Longer questions, one module for each subject: what is asked, and when."""
