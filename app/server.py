@@ -18,6 +18,7 @@ from viser.theme import TitlebarImage
 
 from app.assets import page_folder
 from app.guard import LOOPBACK, Guard, guarding
+from app.page_head import PageHead
 from app.upkeep import give_back, share_arenas
 from etnet.errors import EtnetError
 
@@ -81,7 +82,12 @@ def start_server(
     """
     public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()
     guard = Guard(
-        page_folder(), address.token, LOOPBACK | {_bracketed(address.host)}, public, f"ok, viser {viser.__version__}\n"
+        page_folder(),
+        address.token,
+        LOOPBACK | {_bracketed(address.host)},
+        public,
+        f"ok, viser {viser.__version__}\n",
+        PageHead(address.public_url).dressed,
     )
     share_arenas()
     # viser prints a frame with addresses of its own; this program says where to look in one line.

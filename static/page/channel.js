@@ -123,8 +123,11 @@
     }
   };
 
-  document.title = "ET-Net viewer";
+  document.title = "ET-Net viewer"; // viser sets its own once it runs
   place();
   window.etnetHello();
   follow();
+  const tour = document.createElement("script");
+  tour.src = "/static/tour.js";
+  document.head.append(tour);
 })();
