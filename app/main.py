@@ -6,12 +6,20 @@ import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from weakref import WeakSet
 
 import tyro
 
 from app.catalogue import Catalogue
 from app.config import ViewerConfig
 from etnet.errors import EtnetError
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.panels.base import Page
+    from app.session import Session
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -61,10 +69,17 @@ class Viewer:
         self.engine = Engine(
             self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
         )
+        self._visits: WeakSet[Session] = WeakSet()
+
+        def visit(client: viser.ClientHandle) -> Session:
+            session = Session(client, self.catalogue, self.engine, default)
+            self._visits.add(session)
+            return session
+
         self.server = start_server(
             address,
             self.port,
-            lambda client: Session(client, self.catalogue, self.engine, default),
+            visit,
             MOST_VISITORS if config.demo else None,
         )
         self.port = self.server.get_port()
@@ -84,6 +99,11 @@ class Viewer:
         is_moved = self._wanted_port not in (0, self.port)
         busy = f" (port {self._wanted_port} is busy)" if is_moved else ""
         return f"ET-Net viewer: open {self.url}{busy} — Ctrl+C ends it"
+
+    def newest_page(self) -> Page | None:
+        """What was drawn last for anybody who is here; `None` before anything was."""
+        drawn = [session for session in tuple(self._visits) if session.page is not None and not session.is_closed]
+        return max(drawn, key=lambda session: session.drawn_at).page if drawn else None
 
     def stop(self) -> None:
         """End server and engine."""

@@ -59,7 +59,7 @@ class PageHead:
             return response
         if packing not in self._known:
             page = gzip.decompress(response.body) if packing == "gzip" else response.body
-            page = self._put_in(page)
+            page = self._put_in(bytes(page))
             self._known[packing] = gzip.compress(page) if packing == "gzip" else page
         body = self._known[packing]
         headers = {name: value for name, value in response.headers.raw_items() if name.lower() != "content-length"}

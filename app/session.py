@@ -82,6 +82,8 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
+        self.page: Page | None = None
+        """What was drawn last; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
@@ -97,6 +99,16 @@ class Session:
     def close(self) -> None:
         """The visitor has gone: nothing more is computed for him."""
         self._mail.put(Closed())
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the visitor has gone."""
+        return self._is_closed
+
+    @property
+    def drawn_at(self) -> float:
+        """When the page was drawn last, on the monotonic clock."""
+        return self._pushed_at
 
     def _hear(self, item: Item) -> None:
         """What a visitor does, on viser's event loop."""
@@ -280,7 +292,7 @@ class Session:
         moment = self._moment()
         if moment is not None:
             self._ask(moment)
-        page = self._page(moment)
+        page = self.page = self._page(moment)
         self._layout.legend.tell(self._stage.show(page))
         self._layout.show(page)
         self._shown_index = self._state.index
