@@ -45,7 +45,7 @@ class TakeAwayPanel:
         self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
         self._speed = gui.add_dropdown("Speed", tuple(words for words in SPEEDS if words != EVERY_FRAME))
         self._has_stamps = gui.add_checkbox("Stamps below", True)
-        self._takes_range = gui.add_checkbox("Only some windows", False)
+        self._takes_range = gui.add_checkbox("A range only", False)
         self._first = gui.add_number("From window", 0, min=0, step=1, visible=False)
         self._last = gui.add_number("To window", 0, min=0, step=1, visible=False)
         self._make = gui.add_button("Make it", icon=viser.Icon.DOWNLOAD)

@@ -51,7 +51,9 @@ def test_one_key_copies_a_link_that_opens_paused_at_exactly_that_moment(browser,
 
 
 def test_an_address_that_names_no_moment_is_refused_kindly_and_the_page_is_there(browser, viewer):
-    page = open_page(browser, f"{viewer.url}/?moment=bm90aGluZw")
+    page = browser.new_page()
+    page.set_default_timeout(PATIENCE)
+    page.goto(f"{viewer.url}/?fixedDpr=1&moment=bm90aGluZw")
     page.get_by_text("perhaps it was cut off").wait_for()
     until_window(page, 20)
     page.context.close()
