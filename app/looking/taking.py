@@ -81,7 +81,8 @@ class Taking:
                     f"{name} comes to {size / 1e6:.0f} MB; a page hands out at most {LARGEST / 1e6:.0f}: "
                     "take fewer windows, or use `etnet export`"
                 )
-            yield Made(name, path.read_bytes()), 1.0
+            made = Made(name, path.read_bytes())
+        yield made, 1.0
 
 
 def taking_studies(state: ViewState, wish: Wish) -> Mapping[str, Study]:

@@ -35,26 +35,25 @@ class PublicDemo:
     """Three live pictures; while nobody touches the page one of them is pointed at."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """The theme lets it fill the page."""
+        """The theme lets it fill the page. The buttons are an element of their own: pictures come and go below them."""
+        self._bar = Html(gui)
         self._pictures = Html(gui)
 
     def show(self, page: Page) -> None:
         """Nothing is drawn while another workspace is on show."""
-        if page.state.workspace != "demo":
+        is_shown = page.state.workspace == "demo"
+        self._bar.show(_bar(page) if is_shown else "")
+        if not is_shown or page.moment is None:
             self._pictures.show('<div class="etv-demo"></div>')
             return
         act = page.state.show.act
-        if page.moment is None:
-            self._pictures.show(f'<div class="etv-demo etv-public" data-etv-public>{_bar(page)}</div>')
-            return
         shown = [
             _figure("events", act, event_image_html(page.moment, page.state.event_image, on_pick=ON_PICK)),
             _figure("image", act, reconstruction(page)),
             _third(page),
         ]
         self._pictures.show(
-            f'<div class="etv-demo etv-public" data-testid="demo" data-etv-public data-act="{act}">'
-            f"{_bar(page)}{''.join(shown)}</div>"
+            f'<div class="etv-demo etv-public" data-testid="demo" data-act="{act}">{"".join(shown)}</div>'
         )
 
 

@@ -79,7 +79,12 @@
     if (card && event.key === "Escape") leave();
   });
   document.addEventListener("click", (event) => {
-    if (event.target.closest?.("[data-etv-tour]")) show(0);
+    const asked = event.target.closest?.("[data-etv-tour]");
+    if (!asked) return;
+    // The help that it was asked from would lie over what is pointed at.
+    const buttons = [...(asked.closest("[role=dialog]")?.querySelectorAll("button") ?? [])];
+    buttons.find((button) => button.innerText.trim() === "Close")?.click();
+    show(0);
   });
   window.addEventListener("resize", place);
   setInterval(place, 500); // parts move when pictures come
