@@ -9,6 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Any, Literal
 
@@ -29,6 +30,9 @@ RUNNABLE_PIXELS = 160_000
 DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
+VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
+"""Videos are shown as an event sensor would see them."""
+_SEEN = "simulated from a video (ESIM, contrast 0.2, noise 0.2); `etnet simulate --video` takes other values"
 _BESIDE_EVENTS = {"images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy")
 
@@ -73,6 +77,7 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
+        self._scratch: TemporaryDirectory[str] | None = None
         self._models = tuple(_models(config.model))
         self._entries = tuple(_entries(config))
 
@@ -126,17 +131,22 @@ class Catalogue:
         """Close every recording that is kept open."""
         with self._lock:
             kept, self._open = list(self._open.values()), OrderedDict()
+            scratch, self._scratch = self._scratch, None
         for recording in kept:
             recording.close()
+        if scratch is not None:
+            scratch.cleanup()
 
     def _read(self, entry: Entry, progress: Callable[[float], None] | None) -> Recording:
         from etnet.events.open import open_recording
         from etnet.events.view import View
 
         try:
-            path = entry.path
+            path, told = entry.path, ()
             if entry.remote is not None:
                 path = fetch(entry.remote, progress=progress)
+            if path.suffix.lower() in VIDEO_SUFFIXES:
+                path, told = self._seen(path, progress), (Remark("assumed", _SEEN),)
             asked = self._config.downsample
             recording = open_recording(path, view=View(self._config.region, asked or 1), progress=progress)
             factor = runnable_downsample(recording.sensor.num_pixels)
@@ -150,8 +160,21 @@ class Catalogue:
             raise
         except Exception as error:
             raise RecordingError(f"{entry.path.name}: cannot be opened ({error})") from error
+        recording = replace(recording, remarks=(*told, *recording.remarks)) if told else recording
         weakref.finalize(recording, recording.source.close)
         return recording
+
+    def _seen(self, video: Path, progress: Callable[[float], None] | None) -> Path:
+        """What an event sensor sees of a video, made once while this catalogue lives."""
+        from etnet.simulation.video import VideoConfig, simulate_video
+
+        with self._lock:
+            if self._scratch is None:
+                self._scratch = TemporaryDirectory(prefix="etnet-video-")
+        made = Path(self._scratch.name) / f"{video.stem}-{_digest(video)}.h5"
+        if not made.exists():
+            simulate_video(video, made, VideoConfig(), progress)
+        return made
 
 
 def suited_policy(recording: Recording) -> Policy:
@@ -207,7 +230,7 @@ def _digest(path: Path) -> str:
 def _recordings_in(folder: Path) -> list[Path]:
     from etnet.events.formats.table import FORMATS
 
-    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix}
+    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
     found: list[Path] = []
     waiting = [folder]
     while waiting and len(found) < MAX_ENTRIES:

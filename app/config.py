@@ -33,7 +33,7 @@ class ViewerConfig:
     """Look inside event-camera recordings, and inside the network that turns them into images, in a browser."""
 
     file: tyro.conf.Positional[Path | None] = None
-    """A recording: a file, a folder or a zip. Without it a bundled one is shown."""
+    """A recording: a file, a folder or a zip; or a video, seen as an event sensor would. Without it a bundled one."""
     data: Path | None = None
     """A folder whose recordings are offered in the page."""
     model: str = "etnet-half"

@@ -109,3 +109,4 @@ class Viewer:
         """End server and engine."""
         self.server.stop()
         self.engine.stop()
+        self.catalogue.close()

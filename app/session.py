@@ -24,7 +24,7 @@ from app.keeper import Keeper
 from app.layout import build_layout
 from app.link import to_link
 from app.looking.taking import SLOT
-from app.opening import Opened, Opener, Plan, Unopened
+from app.opening import Opened, Opener, Opening, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
@@ -57,7 +57,7 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = ask.Intent | Hello | Resized | Shown | Reply | Found | Opened | Unopened | CanvasChanged | Closed
+Item = ask.Intent | Hello | Resized | Shown | Reply | Found | Opening | Opened | Unopened | CanvasChanged | Closed
 
 
 class Session:
@@ -174,6 +174,9 @@ class Session:
                     for intent in self._showing.hand_over(item):
                         self._reduce(intent)
                 return
+            case Opening(plan, share):
+                if plan.recording_id == self._state.recording_id and self._moment() is None:
+                    self._trouble = f"It is being opened: {share:.0%}."
             case Opened() | Unopened():
                 self._settle(item)
             case _:

@@ -21,7 +21,6 @@ from etnet.errors import Cancelled, RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.simulation.sensor import PixelArray, SensorTraits, draw_noise, events_of
 
-VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 CHUNK = 65_536
 """Events stored together."""
 _GAMMA = 2.2

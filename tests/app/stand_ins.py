@@ -65,7 +65,7 @@ class Shelf:
             raise CatalogueError("no such model")
         return self.models()[0]
 
-    def open(self, recording_id):
+    def open(self, recording_id, progress=None):
         if recording_id not in self.recordings:
             raise RecordingError("broken.h5: the file ends at byte 12; copy it again")
         return self.recordings[recording_id]
