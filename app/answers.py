@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from app.wishes import Failed, Ready, Reply, Wish, Working
 
 
@@ -21,7 +23,12 @@ class Answers:
         if self.wish is None or wish.recording_id != self.wish.recording_id:
             # Another recording's picture says nothing here; another model's or precision's may stand in for a while.
             self.ready = None
-        self.wish, self.working, self.failed = wish, None, None
+        is_changed = self.wish is not None and self.ready is not None and wish.change != self.ready.wish.change
+        if is_changed and self.ready is not None:
+            # What is on show until the answer comes is not what the network, as it is changed now, gives.
+            self.ready = replace(self.ready, is_exact=False)
+        waits = Working(wish, 0, 0, "computing with the change") if is_changed and not wish.is_original else None
+        self.wish, self.working, self.failed = wish, waits, None
         return True
 
     def take(self, reply: Reply) -> bool:

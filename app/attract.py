@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from app import intents as ask
+from app.compare_view import CompareIntent
+from app.inside_view import InsideIntent
 from app.show_view import Act, PointAt, ShowView
 from app.view_state import Limits, ViewState
 
@@ -24,8 +26,8 @@ STALLED = 20.0
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
 """Where the third act looks from, as fractions of the picture."""
-FORBIDDEN = (ask.ChooseModel, ask.ChoosePrecision, ask.ChoosePolicy)
-"""What a visitor may not do in public: it would load networks and plan windows at everybody's expense."""
+FORBIDDEN = ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy | InsideIntent | CompareIntent
+"""What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +24,12 @@ from etnet.windows import BetweenFrames, ByDensity, Policy
 Kind = Literal["bundled", "data", "file", "on demand"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
+MAX_MODELS = 50
+"""Weights files listed of a --data folder."""
+BASELINES = {"leaky-integrator": "leaky integrator"}
+"""What `load_model` knows without weights, and how it is called."""
+WEIGHTS_FORMAT = "etnet-weights-1"
+"""`etnet.nets.weights.FORMAT`, whose module needs torch."""
 MAX_ENTRIES = 500
 """Recordings listed of a --data folder."""
 RUNNABLE_PIXELS = 160_000
@@ -30,6 +37,7 @@ RUNNABLE_PIXELS = 160_000
 DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
+_log = logging.getLogger(__name__)
 VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 """Videos are shown as an event sensor would see them."""
 _SEEN = "simulated from a video (ESIM, contrast 0.2, noise 0.2); `etnet simulate --video` takes other values"
@@ -67,6 +75,8 @@ class ModelEntry:
     trained_band: tuple[float, float] | None
     warm_up: int | None
     source: str | Path = field(repr=False)
+    card: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    """All that the weights file says of itself."""
 
 
 class Catalogue:
@@ -78,7 +88,7 @@ class Catalogue:
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
         self._scratch: TemporaryDirectory[str] | None = None
-        self._models = tuple(_models(config.model))
+        self._models = tuple(_models(config))
         self._entries = tuple(_entries(config))
 
     def entries(self) -> tuple[Entry, ...]:
@@ -86,12 +96,13 @@ class Catalogue:
         return self._entries
 
     def rescan(self) -> tuple[Entry, ...]:
-        """Look into the --data folder again."""
+        """Look into the --data folder again, for recordings and for weights."""
         self._entries = tuple(_entries(self._config))
+        self._models = tuple(_models(self._config))
         return self._entries
 
     def models(self) -> tuple[ModelEntry, ...]:
-        """The model of the command line first, then the bundled ones."""
+        """The model of the command line, the bundled ones, weights in the --data folder, untrained baselines."""
         return self._models
 
     def entry(self, recording_id: str) -> Entry:
@@ -259,17 +270,38 @@ def _size(path: Path) -> str:
     return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
 
 
-def _models(wanted: str) -> Iterator[ModelEntry]:
-    bundled = {path.stem: path for path in models()}
-    if wanted not in bundled:
+def _models(config: ViewerConfig) -> Iterator[ModelEntry]:
+    wanted, bundled = config.model, {path.stem: path for path in models()}
+    if wanted not in bundled and wanted not in BASELINES:
         # Read now, so that a wrong name is one line before the page is served and not a notice in it.
         path = Path(wanted)
         if not path.is_file():
-            known = ", ".join(bundled) or "none"
+            known = ", ".join([*bundled, *BASELINES])
             raise WeightsError(f"--model {wanted}: no such weights file or bundled model; bundled are {known}")
-        yield _model_entry(f"file-{_digest(path)}", path, path)
+        yield _own_entry(path) if path.suffix == ".py" else _model_entry(f"file-{_digest(path)}", path, path)
+    if wanted in BASELINES:
+        yield _baseline_entry(wanted)
     for name in sorted(bundled, key=lambda name: name != wanted):
         yield _model_entry(name, bundled[name], name)
+    for path in [] if config.data is None else _weights_in(config.data):
+        if path.resolve() != Path(wanted).resolve():
+            try:
+                yield _model_entry(f"data-{_digest(path)}", path, path)
+            except WeightsError as error:
+                _log.warning("left out of the list of networks: %s", error)
+    yield from (_baseline_entry(name) for name in BASELINES if name != wanted)
+
+
+def _weights_in(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*.safetensors") if not path.name.startswith("."))[:MAX_MODELS]
+
+
+def _own_entry(path: Path) -> ModelEntry:
+    return ModelEntry(f"file-{_digest(path)}", path.stem, f"your own, {path.name}", False, None, None, path)
+
+
+def _baseline_entry(name: str) -> ModelEntry:
+    return ModelEntry(name, BASELINES[name], "a baseline that was never trained", False, None, None, name)
 
 
 def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
@@ -284,6 +316,7 @@ def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
         trained_band=(float(band[0]), float(band[1])) if isinstance(band, list) and len(band) == 2 else None,
         warm_up=int(warm_up) if isinstance(warm_up, (int, float)) else None,
         source=source,
+        card=card,
     )
 
 
@@ -293,7 +326,10 @@ def _card(path: Path) -> dict[str, Any]:
 
     try:
         with safe_open(path, framework="np") as file:
-            card = json.loads((file.metadata() or {}).get("card", "{}"))
+            metadata = file.metadata() or {}
+        if metadata.get("format") != WEIGHTS_FORMAT:
+            raise WeightsError(f"{path.name}: not weights of ours; make them with `etnet convert`")
+        card = json.loads(metadata.get("card", "{}"))
     except (SafetensorError, OSError, json.JSONDecodeError) as error:
         raise WeightsError(
             f"{path.name}: not a weights file that can be read ({error}); make one with `etnet convert`"

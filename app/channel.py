@@ -15,7 +15,10 @@ from typing import get_args
 
 import viser
 
+from app import inside_view
 from app import intents as ask
+from app.compare_view import AddLane, ChooseLane, Lane, RemoveLane
+from etnet.events.clean import Cleaning
 
 ON_PICK = 'data-pick="1"'
 """The attribute that makes an element of `data-k` clickable; the same for all visitors, so that HTML is shared."""
@@ -137,12 +140,36 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
             return ask.ShowWorkspace(known) if (known := workspace_named(name)) is not None else None
         case "bin":
             return ask.OpenBin(int(name) if name else None)
+        case "inside":
+            return inside_view.heard(name)
+        case "lane":
+            return _lane(name)
+        case "cut":
+            x, y, width, height = (int(part) for part in name.split(","))
+            return ask.Query(int(x + u * width), int(y + v * height))
+        case "at":
+            x, y = (int(part) for part in name.split(","))
+            return ask.Query(x, y)
+        case "span":
+            start, stop = (float(part) for part in name.split(","))
+            return ask.SeekTime(start + u * (stop - start))
+        case "goto":
+            return ask.SeekTime(float(name))
     return None
 
 
 def workspace_named(name: str) -> ask.Workspace | None:
     """The workspace of a name that a page sent."""
     return next((known for known in get_args(ask.Workspace) if known == name), None)
+
+
+def _lane(name: str) -> ask.Intent:
+    if name == "add":
+        return AddLane()
+    if name == "cleaned":
+        return AddLane(Lane(cleaning=Cleaning(hot_pixels=True, support_within=5_000)))
+    kind, _, number = name.rpartition(":")
+    return RemoveLane(int(number)) if kind == "remove" else ChooseLane(int(number))
 
 
 def _pixels(text: str) -> int:

@@ -37,7 +37,7 @@ class ViewerConfig:
     data: Path | None = None
     """A folder whose recordings are offered in the page."""
     model: str = "etnet-half"
-    """A bundled model's name, or a weights file."""
+    """A bundled model's name, a weights file, or a Python file of your own that defines `network`."""
     device: str = "cpu"
     """Where the network runs: cpu, cuda, cuda:1 …"""
     precision: Literal["auto", "fp32", "bf16"] = "auto"

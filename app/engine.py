@@ -17,8 +17,7 @@ from app.studies import Study, StudyBook, Tell
 from app.studio import Library, Loader, Pace, Stage, Studio, is_exact
 from app.wishbook import Deliver, Turn, WishBook
 from app.wishes import Failed, Ready, Reply, Wish, Working
-from etnet.errors import Cancelled, EtnetError, ModelError, WindowError
-from etnet.nets.intervention import ORIGINAL
+from etnet.errors import Cancelled, EtnetError, WindowError
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -171,10 +170,9 @@ class Engine:
         stage = self._stage(turn)
         if not 0 <= wish.index < len(stage.windows):
             raise WindowError(f"window {wish.index} does not exist; this plan has {len(stage.windows)}")
-        if wish.intervention.changes_memory:
-            raise ModelError("this change is carried on in the network's memory; it needs a window to begin at")
+        playback, intervention = stage.playing(wish)
         attention = self._studio.attention(wish) if wish.wants_attention else None
-        frame = stage.playback.frame(wish.index, wish.intervention)
+        frame = playback.frame(wish.index, intervention)
         if frame is not None:
             ready = _ready(stage, wish, frame, attention, began)
             if attention is not None or not wish.wants_attention:
@@ -217,7 +215,7 @@ class Engine:
         wish = turn.wish
         num_replayed = stage.playback.plan(wish.index).num_replayed
         is_long = stage.pace.seek(num_replayed) > PATIENCE and num_replayed > 2 * stage.warm_up
-        if not is_long or wish.intervention != ORIGINAL:
+        if not is_long or not wish.is_original:
             return
         began = time.perf_counter()
         step = stage.playback.approximate(wish.index, stage.warm_up, lambda: self._is_stale(turn))
@@ -226,7 +224,8 @@ class Engine:
     def _exact_step(self, turn: Turn, stage: Stage):
         from etnet.nets.attention import AttentionProbe
 
-        wish, playback = turn.wish, stage.playback
+        wish = turn.wish
+        playback, intervention = stage.playing(wish)
         clock = [time.perf_counter()]
         encodes: list[float] = []
 
@@ -240,7 +239,7 @@ class Engine:
 
         try:
             probe = AttentionProbe() if wish.wants_attention else None
-            step = playback.at(wish.index, probe, wish.intervention, lambda: self._must_yield(turn), progress)
+            step = playback.at(wish.index, probe, intervention, lambda: self._must_yield(turn), progress)
         finally:
             stage.pace.note(float(np.median(encodes)) if encodes else None, None)
             self._report(wish, stage)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from app.compare_view import CompareIntent
+from app.inside_view import InsideIntent
 from app.show_view import ShowIntent
 from etnet.windows import Policy
 
 Workspace = Literal["inspect", "attention", "demo"]
 Precision = Literal["auto", "fp32", "bf16"]
 EventImage = Literal["polarity", "count", "time surface", "decay"]
-Tone = Literal["auto", "raw", "robust", "gamma"]
+Tone = Literal["auto", "raw", "robust", "gamma", "hdr", "clahe"]
 Camera = Literal["orbit", "front", "side"]
 MapRange = Literal["shared", "per map"]
 
@@ -216,5 +218,7 @@ Intent = (
     | ChooseCamera
     | ShowEvents
     | OpenBin
+    | InsideIntent
+    | CompareIntent
     | ShowIntent
 )

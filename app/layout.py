@@ -13,6 +13,8 @@ from app.assets import page_folder
 from app.channel import AskHelp, Message, open_channel
 from app.panels.attention import AttentionPanel
 from app.panels.base import Dispatch, Page, Panel
+from app.panels.compare import ComparePanel
+from app.panels.inside import InsidePanel
 from app.panels.overview import Demo, Provenance, SceneLegend
 from app.panels.pictures import EventPicture, Reconstruction, Voxels
 from app.panels.public import PublicDemo
@@ -29,6 +31,8 @@ PHONE_ASPECT = 0.9
 """A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
 WIDTHS: dict[ask.Workspace, tuple[int, int]] = {"inspect": (470, 400), "attention": (360, 560), "demo": (470, 400)}
 """Pixels of the left and the right column."""
+COMPARE_WIDTH = 560
+"""Pixels of the right column while lanes are compared."""
 COMMANDS: tuple[tuple[str, str | None, ask.Intent], ...] = (
     ("Play or pause", "space", ask.TogglePlay()),
     ("Play or pause ", "K", ask.TogglePlay()),
@@ -57,13 +61,16 @@ class Layout:
     is_phone: bool
     left: viser.PanelHandle | None = None
 
-    def arrange(self, workspace: ask.Workspace) -> None:
-        """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark."""
+    def arrange(self, workspace: ask.Workspace, compares: bool = False) -> None:
+        """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark.
+
+        Lanes beside each other need a wider column than a list of settings.
+        """
         if self.left is None:
             return
         left, right = WIDTHS[workspace]
         self.left.set_width(left)
-        self.client.gui.main_panel.set_width(right)
+        self.client.gui.main_panel.set_width(max(right, COMPARE_WIDTH) if compares else right)
 
     def show(self, page: Page) -> None:
         """Draw what has changed."""
@@ -121,9 +128,16 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
     provenance, legend, demo = Provenance(), SceneLegend(), PublicDemo() if is_public else Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
     attention, view = AttentionPanel(), ViewPanel()
-    # In public there is nothing to open, and nothing is handed out.
-    source = () if is_public else (("Recording", viser.Icon.DATABASE, Source()),)
-    parcels = () if is_public else (("Take away", viser.Icon.DOWNLOAD, TakeAwayPanel()),)
+    # In public there is nothing to open or to change, and nothing is handed out.
+    open_tabs = (("Attention", viser.Icon.FOCUS_2, attention), ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view))
+    private_tabs = (
+        ("Inside", viser.Icon.MICROSCOPE, InsidePanel()),
+        ("Recording", viser.Icon.DATABASE, Source()),
+        ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
+        ("Compare", viser.Icon.COLUMNS_3, ComparePanel()),
+        ("Take away", viser.Icon.DOWNLOAD, TakeAwayPanel()),
+    )
+    shown_tabs = open_tabs if is_public else (open_tabs[0], *private_tabs)
 
     left = gui.add_panel()
     with left.add_tab("Window on show", viser.Icon.PHOTO):
@@ -133,12 +147,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
 
     gui.main_panel.dock_right()
     tabs = gui.add_tab_group()
-    for title, icon, panel in (
-        ("Attention", viser.Icon.FOCUS_2, attention),
-        *source,
-        ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
-        *parcels,
-    ):
+    for title, icon, panel in shown_tabs:
         with tabs.add_tab(title, icon):
             panel.build(gui, dispatch)
 
@@ -153,8 +162,8 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
             panel.build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
 
-    panels = (transport, events, voxels, reconstruction, attention, view, provenance, legend, demo)
-    panels += tuple(panel for _, _, panel in (*source, *parcels))
+    columns = (reconstruction, events, voxels, *(panel for _, _, panel in shown_tabs))
+    panels = (transport, *columns, provenance, legend, demo)
     return Layout(client, panels, legend, False, left)
 
 
@@ -168,7 +177,7 @@ def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool
         ("Time bins", Voxels()),
         *(() if is_public else (("Recording", Source()),)),
         ("Attention", AttentionPanel()),
-        *(() if is_public else (("Take away", TakeAwayPanel()),)),
+        *(() if is_public else (("Inside", InsidePanel()), ("Take away", TakeAwayPanel()))),
     )
     for title, panel in folded:
         with gui.add_panel().add_tab(title):

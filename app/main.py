@@ -102,8 +102,8 @@ class Viewer:
 
     def newest_page(self) -> Page | None:
         """What was drawn last for anybody who is here; `None` before anything was."""
-        drawn = [session for session in tuple(self._visits) if session.page is not None and not session.is_closed]
-        return max(drawn, key=lambda session: session.drawn_at).page if drawn else None
+        drawn = [held for session in tuple(self._visits) if (held := session.drawn) is not None]
+        return max(drawn, key=lambda held: held[0])[1] if drawn else None
 
     def stop(self) -> None:
         """End server and engine."""

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
+from app import compare_view, inside_view
 from app import intents as ask
 from app.view_state import SITE_PATTERN, ViewState, choices
 from etnet.errors import EtnetError
@@ -22,6 +23,8 @@ def to_text(state: ViewState) -> str:
     kept = {name: value for name, value in asdict(state).items() if name not in _NOT_KEPT}
     if state.policy is not None:
         kept["policy"] = {"kind": type(state.policy).__name__, **asdict(state.policy)}
+    kept["inside"] = inside_view.kept(state.inside)
+    kept["compare"] = compare_view.kept(state.compare)
     return json.dumps(kept)
 
 
@@ -133,4 +136,6 @@ _CHECKS: dict[str, Callable[[object], object]] = {
     "camera": _one_of(ask.Camera),
     "shows_events": _flag,
     "voxel_bin": _optional(_whole),
+    "inside": inside_view.restored,
+    "compare": lambda value: compare_view.restored(value, _policy),
 }

@@ -10,7 +10,6 @@ from app.studio import Stage, Studio
 from app.wishbook import Turn, WishBook
 from app.wishes import Wish
 from etnet.errors import Cancelled
-from etnet.nets.intervention import ORIGINAL
 
 NEAR, FRAMES_AHEAD, STATES_AHEAD = 8, 24, 64
 """Windows that are prepared: states close by, frames, states further on."""
@@ -34,7 +33,7 @@ class Prefetcher:
         self._plans = {name: plan for name, plan in self._plans.items() if turns.get(name) is plan[0]}
         for visitor, turn in turns.items():
             stage = self._studio.held_stage(turn.wish)
-            if visitor not in self._plans and stage is not None and turn.wish.intervention == ORIGINAL:
+            if visitor not in self._plans and stage is not None and turn.wish.is_original:
                 jobs = windows_ahead(turn.wish.index, len(stage.windows), stage.num_states)
                 self._plans[visitor] = (turn, jobs)
         return any(jobs is not None for _, jobs in self._plans.values())

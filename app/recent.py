@@ -41,4 +41,4 @@ class RecentFrames:
 
 
 def _key(wish: Wish) -> tuple[object, ...]:
-    return (*wish.playback, wish.index, wish.intervention)
+    return (*wish.playback, *wish.frame)

@@ -19,15 +19,18 @@ from app import intents as ask
 from app.answers import Answers
 from app.catalogue import Catalogue
 from app.channel import AskHelp, Copied, FollowLink, Hello, Resized, Touched
+from app.comparing import Comparing, LanePlanned, LaneReply
 from app.engine import Engine
 from app.keeper import Keeper
 from app.layout import build_layout
 from app.link import to_link
+from app.looking.lanes import lane_questions, scored, slot_of
 from app.looking.taking import SLOT
 from app.opening import Opened, Opener, Opening, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.present.lane import LaneShown
 from app.questions import questions
 from app.scene.space import Space
 from app.showing import Showing, Shown
@@ -57,7 +60,8 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = ask.Intent | Hello | Resized | Shown | Reply | Found | Opening | Opened | Unopened | CanvasChanged | Closed
+News = Reply | Found | LanePlanned | LaneReply | Opening | Opened | Unopened
+Item = ask.Intent | Hello | Resized | Shown | News | CanvasChanged | Closed
 
 
 class Session:
@@ -75,6 +79,7 @@ class Session:
         self._player = Player()
         self._answers = Answers()
         self._studying = Studying(engine, self._visitor, self._mail.put)
+        self._comparing = Comparing(engine, catalogue, self._visitor, self._mail.put)
         self._opened: Opened | None = None
         self._refused: Plan | None = None
         self._trouble = ""
@@ -82,35 +87,26 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
-        self.page: Page | None = None
-        """What was drawn last; it may be read from any thread."""
+        self.drawn: tuple[float, Page] | None = None
+        """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
         self._glanced_at = 0.0
         self._cached: object = None
         self._showing = Showing(client, catalogue, default)
-        self._layout = build_layout(client, self._hear, self._hear, self._showing.is_public)
-        self._layout.arrange(default.workspace)
+        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public)
+        self._arrange()
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
-        threading.Thread(target=self._run, daemon=True, name=self._visitor).start()
+        self._thread = threading.Thread(target=self._run, daemon=True, name=self._visitor)
+        self._thread.start()
 
     def close(self) -> None:
         """The visitor has gone: nothing more is computed for him."""
         self._mail.put(Closed())
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the visitor has gone."""
-        return self._is_closed
-
-    @property
-    def drawn_at(self) -> float:
-        """When the page was drawn last, on the monotonic clock."""
-        return self._pushed_at
-
-    def _hear(self, item: Item) -> None:
+    def _speak(self, item: Item) -> None:
         """What a visitor does, on viser's event loop."""
         if self._showing.hears():
             self._mail.put(item)
@@ -121,6 +117,8 @@ class Session:
         try:
             self._serve()
         finally:
+            self.drawn = None
+            self._comparing.close()
             self._engine.drop(self._visitor)
 
     def _serve(self) -> None:
@@ -174,6 +172,9 @@ class Session:
                     for intent in self._showing.hand_over(item):
                         self._reduce(intent)
                 return
+            case LanePlanned() | LaneReply():
+                self._is_dirty |= self._comparing.take(item)
+                return
             case Opening(plan, share):
                 if plan.recording_id == self._state.recording_id and self._moment() is None:
                     self._trouble = f"It is being opened: {share:.0%}."
@@ -191,7 +192,7 @@ class Session:
         if (stretch := self._showing.lead(self._state, self._limits)) is None:
             return
         self._state, intents = stretch
-        self._layout.arrange(self._state.workspace)
+        self._arrange()
         for intent in intents:
             self._reduce(intent)
         self._is_dirty = True
@@ -206,16 +207,8 @@ class Session:
         if self._has_asked:
             return  # a slow page said hello when its visitor had already begun: his view is the newer one
         self._is_known = True
-        self._state = recalled
-        known = [entry.id for entry in self._catalogue.entries()]
-        if self._state.recording_id not in known:
-            self._state = reduce(self._state, ask.OpenRecording(next(iter(known), "")), Limits())
-            refused = (*refused, "the recording")
-        if self._state.model_id not in {entry.id for entry in self._catalogue.models()}:
-            self._state = reduce(self._state, ask.ChooseModel(self._catalogue.models()[0].id), Limits())
-        if refused:
-            self._notify("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
-        self._layout.arrange(self._state.workspace)
+        self._state = self._showing.restore(recalled, refused)
+        self._arrange()
 
     def _answer(self, letter: Shown) -> None:
         """Whatever a visitor does, the show lets go of his page first."""
@@ -225,17 +218,20 @@ class Session:
         if self._state is before:
             return
         self._has_asked = self._is_known = True
-        self._layout.arrange(self._state.workspace)
+        self._arrange()
         if self._moment() is not None and self._state.policy is not None:
             self._reduce(ask.Settle(self._state.policy))  # what the link names is open already
 
     def _reduce(self, intent: ask.Intent) -> None:
         before = self._state
         self._state = reduce(before, intent, self._limits)
-        if self._state.workspace != before.workspace:
-            self._layout.arrange(self._state.workspace)
+        if _arrangement(self._state) != _arrangement(before):
+            self._arrange()
         if isinstance(intent, ask.ChooseCamera) and self._opened is not None:
             self._stage.place(Space(self._opened.recording.sensor), self._state.camera, again=True)
+
+    def _arrange(self) -> None:
+        self._layout.arrange(*_arrangement(self._state))
 
     def _settle(self, item: Opened | Unopened) -> None:
         self._opener.heard(item.plan)
@@ -295,11 +291,12 @@ class Session:
         moment = self._moment()
         if moment is not None:
             self._ask(moment)
-        page = self.page = self._page(moment)
+        page = self._page(moment)
         self._layout.legend.tell(self._stage.show(page))
         self._layout.show(page)
         self._shown_index = self._state.index
         self._client.flush()
+        self.drawn = time.monotonic(), page
 
     def _moment(self) -> Moment | None:
         held, state = self._opened, self._state
@@ -309,15 +306,33 @@ class Session:
 
     def _ask(self, moment: Moment) -> None:
         state = self._state
+        change = state.inside.change.at(state.index)
         wish = Wish(
-            state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
+            state.recording_id,
+            state.model_id,
+            state.precision,
+            moment.policy,
+            state.index,
+            state.query is not None,
+            change.intervention,
+            change.edit,
+            change.since,
         )
         if self._answers.ask(wish):
-            self._engine.request(self._visitor, wish, self._mail.put)
+            self._engine.request(self._visitor, wish, self._hear)
+        lanes = self._comparing.lanes(state, moment, self._answers)
+        self._comparing.ask(state, lanes)
         if not (self._is_moving() or state.is_playing):
-            self._studying.want(questions(state, wish))
+            self._studying.want({**questions(state, wish), **lane_questions(state, lanes, self._num_seen)})
         elif state.show.order is None:
             self._studying.drop(SLOT)
+
+    def _hear(self, reply: Reply) -> None:
+        """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
+        if threading.current_thread() is self._thread:
+            self._answers.take(reply)
+        else:
+            self._mail.put(reply)
 
     def _page(self, moment: Moment | None) -> Page:
         model = self._catalogue.model(self._state.model_id)
@@ -331,15 +346,25 @@ class Session:
             self._cached,  # pyright: ignore[reportArgumentType]  the engine's report is what the timeline draws
             Tones.of(self._state, model.is_linear_light),
             AttentionLook.of(self._state, model.is_linear_light),
-            ModelFacts(model.title, model.trained_band),
+            ModelFacts(model.title, model.trained_band, model.card),
             self._engine.status(answers.wish).step_milliseconds if answers.wish else None,
             self._is_moving() or self._state.is_playing,
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
             findings=self._studying.findings,
+            lanes=self._lanes(moment),
             link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",
         )
+
+    def _num_seen(self, wish: Wish) -> int:
+        cached = self._engine.cached(wish)
+        return 0 if cached is None else sum(len(part) for part in cached.frames)
+
+    def _lanes(self, moment: Moment | None) -> tuple[LaneShown, ...]:
+        findings = self._studying.findings
+        lanes = self._comparing.lanes(self._state, moment, self._answers)
+        return tuple(scored(lane, findings.get(slot_of("moment", lane))) for lane in lanes)
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
@@ -355,3 +380,7 @@ class Session:
             if aspect != seen:
                 seen = aspect
                 self._mail.put(CanvasChanged())
+
+
+def _arrangement(state: ViewState) -> tuple[ask.Workspace, bool]:
+    return state.workspace, state.compare.inspector != "none"

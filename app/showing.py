@@ -17,7 +17,7 @@ from app.link import LinkError, from_link
 from app.looking.taking import SLOT, Made
 from app.show_view import LeaveIt, PointAt
 from app.studying import Found
-from app.view_state import Limits, ViewState
+from app.view_state import Limits, ViewState, reduce
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
@@ -69,6 +69,19 @@ class Showing:
             close_modal(self._help)
             state = replace(self._default, recording_id=beat.recording_id)
         return state, intents_of(beat, state)
+
+    def restore(self, recalled: ViewState, refused: tuple[str, ...]) -> ViewState:
+        """A view that a browser kept, brought to what this catalogue holds; what was left out is said."""
+        known = [entry.id for entry in self._catalogue.entries()]
+        models = [entry.id for entry in self._catalogue.models()]
+        if recalled.recording_id not in known:
+            recalled = reduce(recalled, ask.OpenRecording(next(iter(known), "")), Limits())
+            refused = (*refused, "the recording")
+        if recalled.model_id not in models:
+            recalled = reduce(recalled, ask.ChooseModel(models[0]), Limits())
+        if refused:
+            self._refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
+        return recalled
 
     def hand_over(self, found: Found) -> tuple[ask.Intent, ...]:
         """Let the browser save a file that is made; the order for it is done then."""

@@ -12,9 +12,13 @@ from jaxtyping import UInt8
 from app import intents as ask
 from app.layout import place_camera
 from app.panels.base import Page
-from app.present import EventCloud, attention_image, event_cloud, reconstruction_image
+from app.present import EventCloud, Moment, attention_image, event_cloud, reconstruction_image
+from app.present.found import Traced
+from app.present.links import links_of
+from app.present.traced import traced_cloud
 from app.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
 from app.scene.frame_plane import FramePlane
+from app.scene.links import LinksNode
 from app.scene.space import Space
 
 LAGGING = 0.45
@@ -28,6 +32,7 @@ class Stage:
         self._client = client
         self._cloud = CloudNode(client.scene)
         self._plane = FramePlane(client.scene, dispatch)
+        self._links = LinksNode(client.scene)
         self._placed: tuple[Space, ask.Camera, float] | None = None
 
     def show(self, page: Page) -> EventCloud | None:
@@ -36,15 +41,14 @@ class Stage:
             return None
         state, space = page.state, Space(page.moment.recording.sensor)
         shows_cloud = state.shows_events and state.camera != "front" and state.workspace != "demo"
-        cloud = (
-            event_cloud(page.moment, POINTS_IN_MOTION if page.is_moving else POINTS_AT_REST) if shows_cloud else None
-        )
+        cloud = _cloud(page, page.moment) if shows_cloud else None
         key, picture = _picture(page)
         with self._client.atomic():
             self._cloud.set_visible(shows_cloud)
             if cloud is not None:
                 self._cloud.show(space, cloud)
             self._plane.show(space, key, picture)
+            self._links.show(space, state.query, links_of(page.ready, state.query) if state.inside.shows_links else ())
         self.place(space, state.camera)
         return cloud
 
@@ -54,6 +58,16 @@ class Stage:
         if again or self._placed != (space, camera, aspect):
             self._placed = (space, camera, aspect)
             place_camera(self._client, space, camera)
+
+
+def _cloud(page: Page, moment: Moment) -> EventCloud:
+    """The window's events; where a pixel is traced back, those of all its windows in the colours of what it owes."""
+    limit = POINTS_IN_MOTION if page.is_moving else POINTS_AT_REST
+    found = page.findings.get("inside.traced")
+    traced = None if found is None else found.value
+    if isinstance(traced, Traced) and found is not None and traced.windows[-1].index == moment.index:
+        return traced_cloud(traced, found.study, limit)
+    return event_cloud(moment, limit)
 
 
 def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:

@@ -9,14 +9,16 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from app.catalogue import ModelEntry
+from app.cleaned import cleaned_once
 from app.wishes import Wish
-from etnet.errors import WindowError
+from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
-from etnet.nets.intervention import ORIGINAL
-from etnet.windows import Window, plan_windows
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.windows import Window, from_window, plan_windows
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -29,11 +31,13 @@ WARM_UP = 20
 Measured with the first weights of `etnet-half`: after 20 windows a preview differs from the exact frame by 9–16 % of
 the frame's standard deviation (mean absolute; `slider_depth`, `astronaut`), after 8 by 28–40 %, after 30 by 3–9 %.
 """
-KEPT_MODELS = 2
-KEPT_PLAYBACKS = 4
+KEPT_MODELS = 5
+KEPT_PLAYBACKS = 8
 ATTENTION_SHARE = 0.125
 """Of the byte budget, for the queries and keys of the frames last asked for."""
 
+BRANCH_SHARE = 4
+"""A change that is carried on takes this part of its playback's budget."""
 _TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
 _GROWTH = 1.2
 """A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
@@ -87,6 +91,34 @@ class Stage:
     expected_step: float
     """Estimated from a small trial before the first step, ms."""
     state_bytes: int = 0
+    branch: tuple[tuple[object, ...], Playback] | None = None
+    """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
+
+    def playing(self, wish: Wish) -> tuple[Playback, Intervention]:
+        """The playback in which a wish's change is carried, and what is left to change when its frame is decoded."""
+        if not wish.needs_branch:
+            return self.playback, wish.intervention
+        at = wish.index if wish.since is None else wish.since
+        if at > wish.index:
+            raise ModelError(f"window {wish.index} lies before window {at}, at which the change begins")
+        key = (at, wish.intervention, wish.edit)
+        if self.branch is None or self.branch[0] != key:
+            share = self.budget_bytes
+            self.branch = key, self.playback.branch(at, wish.intervention, wish.edit)
+            self.budget_bytes = share
+        return self.branch[1], ORIGINAL
+
+    @property
+    def budget_bytes(self) -> int:
+        """Bytes of the playback, and of its branch while there is one."""
+        return self.playback.budget_bytes + (self.branch[1].budget_bytes if self.branch else 0)
+
+    @budget_bytes.setter
+    def budget_bytes(self, budget_bytes: int) -> None:
+        for_branch = budget_bytes // BRANCH_SHARE if self.branch else 0
+        self.playback.budget_bytes = budget_bytes - for_branch
+        if self.branch is not None:
+            self.branch[1].budget_bytes = for_branch
 
     @property
     def windows(self) -> Sequence[Window]:
@@ -160,14 +192,14 @@ class Studio:
 
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""
-        key = (*wish.playback, wish.index, wish.intervention)
+        key = (*wish.playback, *wish.frame)
         if key in self._attention:
             self._attention.move_to_end(key)
         return self._attention.get(key)
 
     def keep_attention(self, wish: Wish, attention: Attention) -> None:
         """Hold a frame's attention for whoever asks next; the oldest go when their share of the budget is full."""
-        key = (*wish.playback, wish.index, wish.intervention)
+        key = (*wish.playback, *wish.frame)
         if key not in self._attention:
             self._attention_bytes += attention.nbytes
         self._attention[key] = attention
@@ -179,7 +211,8 @@ class Studio:
         from etnet.playback.playback import Playback
 
         recording = self._library.open(wish.recording_id)
-        windows = plan_windows(recording, wish.policy)
+        recording = cleaned_once(recording, wish.cleaning)
+        windows = from_window(plan_windows(recording, wish.policy), wish.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(wish.model_id, wish.precision)
@@ -191,7 +224,7 @@ class Studio:
     def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
         for key in keys:
             del self._stages[key]
-            for held in [name for name in self._attention if name[:4] == key]:
+            for held in [name for name in self._attention if name[: len(key)] == key]:
                 self._attention_bytes -= self._attention.pop(held).nbytes
         if keys:
             self._divide()
@@ -199,19 +232,22 @@ class Studio:
     def _divide(self) -> None:
         share = int(self._budget_bytes * (1 - ATTENTION_SHARE)) // max(len(self._stages), 1)
         for stage in self._stages.values():
-            stage.playback.budget_bytes = share
+            stage.budget_bytes = share
 
 
 def is_exact(stage: Stage, wish: Wish) -> bool:
     """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
     from etnet.nets.runtime import contract_of
 
-    return wish.intervention == ORIGINAL and contract_of(stage.playback.model) == stage.contract  # pyright: ignore
+    return wish.is_original and contract_of(stage.playback.model) == stage.contract
 
 
 def _load(entry: ModelEntry, precision: str, device: str) -> Any:
+    from etnet.nets.own import load_own
     from etnet.nets.weights import load_model
 
+    if isinstance(entry.source, Path) and entry.source.suffix == ".py":
+        return load_own(entry.source)
     return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
 
 
@@ -219,7 +255,9 @@ def _trial_milliseconds(model: Any) -> float:
     """The faster of two steps over an empty 128×96 window, ms."""
     import torch
 
-    device = next(model.parameters()).device
+    from etnet.nets.runtime import device_of
+
+    device = device_of(model)
     voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
     times: list[float] = []
     with torch.inference_mode():

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import bisect
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar, get_args
 
 from app import intents as ask
+from app.compare_view import CompareIntent, CompareView, reduce_compare
+from app.inside_view import SITE_PATTERN, InsideIntent, InsideView, reduce_inside
 from app.show_view import Order, ShowIntent, ShowView, TakeAway, reduce_show
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
@@ -20,7 +21,6 @@ NUM_HEADS_CAP = 64
 WARM_WINDOW = 20
 """Where a recording that was never looked at is opened: the network has seen enough there to draw well."""
 Word = TypeVar("Word", bound=str)
-SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +79,18 @@ class ViewState:
     camera: ask.Camera = "orbit"
     shows_events: bool = True
     voxel_bin: int | None = None
+    inside: InsideView = field(default_factory=InsideView)
+    compare: CompareView = field(default_factory=CompareView)
     show: ShowView = field(default_factory=ShowView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
     """The state after `intent`, every value inside `limits`. Nothing else may change a view."""
+    if isinstance(intent, InsideIntent):
+        return replace(state, inside=reduce_inside(state.inside, intent, state.index))
+    if isinstance(intent, CompareIntent):
+        now = limits.windows[limits.clamp_index(state.index)].t_start if limits.windows else None
+        return replace(state, compare=reduce_compare(state.compare, intent, now))
     if isinstance(intent, ShowIntent):
         is_playing = state.is_playing and not isinstance(intent, TakeAway)  # both would want the network
         return replace(
@@ -137,11 +144,11 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
         case ask.OpenRecording(recording_id):
             if recording_id == state.recording_id:
                 return state
-            return replace(
-                state, recording_id=recording_id, policy=None, index=0, moment=None, query=None, is_playing=False
-            )
+            fresh = {"inside": state.inside.anew(), "compare": state.compare.anew()}
+            opened = replace(state, recording_id=recording_id, policy=None, **fresh)
+            return replace(opened, index=0, moment=None, query=None, is_playing=False)
         case ask.ChooseModel(model_id):
-            return replace(state, model_id=model_id)
+            return replace(state, model_id=model_id, inside=state.inside.anew())
         case ask.ChoosePrecision(precision):
             return replace(state, precision=_known(precision, ask.Precision, state.precision))
         case ask.ChoosePolicy(policy):
@@ -149,7 +156,7 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
                 return state
             shown = limits.windows[limits.clamp_index(state.index)] if limits.windows else None
             moment = shown.t_stop if shown else state.moment
-            return replace(state, policy=policy, moment=moment, is_playing=False)
+            return replace(state, policy=policy, moment=moment, is_playing=False, inside=state.inside.anew())
         case ask.Settle(policy):
             index = state.index if state.moment is None else limits.index_at(state.moment)
             if state.policy is None and index == 0:

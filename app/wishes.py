@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float32
 
 from app.intents import Precision
+from etnet.events.clean import UNCLEANED, Cleaning
+from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Policy
 
@@ -28,11 +30,43 @@ class Wish:
     index: int
     wants_attention: bool = False
     intervention: Intervention = ORIGINAL
+    edit: EventEdit = UNEDITED
+    since: int | None = None
+    """From which window on `intervention` and `edit` are carried in the memory; `None`: in this window alone."""
+    cleaning: Cleaning = UNCLEANED
+    """What is taken out of the recording before it is cut into windows."""
+    cold_at: int = 0
+    """The plan's window at which the memory is empty; `index` counts from there."""
 
     @property
-    def playback(self) -> tuple[str, str, Precision, Policy]:
+    def frame(self) -> tuple[object, ...]:
+        """What tells its frame from every other, beside the playback."""
+        return self.index, *self.change
+
+    @property
+    def change(self) -> tuple[Intervention, EventEdit, int | None]:
+        """What is done to the network and its events on purpose."""
+        return self.intervention, self.edit, self.since
+
+    @property
+    def is_original(self) -> bool:
+        """Whether the network and its events are left as they are."""
+        return self.intervention == ORIGINAL and self.edit == UNEDITED
+
+    @property
+    def needs_branch(self) -> bool:
+        """Whether what is changed reaches the memory, and not the decoding alone."""
+        return self.intervention.changes_memory or not self.edit.changes_nothing
+
+    @property
+    def plain(self) -> Wish:
+        """The same window, with nothing changed and nothing probed: what studies of the original are about."""
+        return replace(self, wants_attention=False, intervention=ORIGINAL, edit=UNEDITED, since=None)
+
+    @property
+    def playback(self) -> tuple[str, str, Precision, Policy, Cleaning, int]:
         """What shares one playback: everything but the index."""
-        return self.recording_id, self.model_id, self.precision, self.policy
+        return self.recording_id, self.model_id, self.precision, self.policy, self.cleaning, self.cold_at
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +91,7 @@ class Ready:
     @property
     def key(self) -> tuple[object, ...]:
         """What tells this frame's pixels from any other's; pictures of it are shared by this."""
-        return (*self.wish.playback, self.wish.index, self.wish.intervention, self.is_approximate, self.contract)
+        return (*self.wish.playback, *self.wish.frame, self.is_approximate, self.contract)
 
 
 @dataclass(frozen=True, slots=True)

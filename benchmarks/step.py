@@ -47,7 +47,7 @@ def measure(preset: str, size: str, precision: str, peak: float) -> list[dict[st
             apply_runtime(model, runtime)
             pyramid, state = model.encode(voxel)
             seconds = best_of_each(
-                {"encode": partial(model.encode, voxel, state), "decode": partial(model.decode, pyramid)}, runs=4
+                {"encode": partial(model.encode, voxel, state), "decode": partial(model.decode, pyramid)}, runs=2
             )
             step = seconds["encode"] + seconds["decode"]
             assert flops / step <= peak, f"{preset} {size} {precision}: faster than the machine's peak, miscounted"

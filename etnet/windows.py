@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import overload
 
 from etnet.errors import WindowError
@@ -107,11 +107,19 @@ def _plan_between_frames(recording: Recording) -> Sequence[Window]:
     return tuple(Window(i, edges[i], edges[i + 1], stamps[i], stamps[i + 1]) for i in range(len(stamps) - 1))
 
 
+def from_window(windows: Sequence[Window], first: int) -> Sequence[Window]:
+    """The windows from `first` on, numbered anew from 0: what a network sees that wakes up there."""
+    if first == 0:
+        return windows
+    if not 0 < first < len(windows):
+        raise WindowError(f"window {first} of {len(windows)}: cannot start there; take one that exists")
+    return _LaterPlan(windows, first)
+
+
 class _Plan(Sequence[Window]):
     """Windows made on demand from their index."""
 
-    def __init__(self, recording: Recording, length: int) -> None:
-        self._recording = recording
+    def __init__(self, length: int) -> None:
         self._length = length
 
     def __len__(self) -> int:
@@ -134,7 +142,8 @@ class _Plan(Sequence[Window]):
 
 class _CountPlan(_Plan):
     def __init__(self, recording: Recording, num_events: int) -> None:
-        super().__init__(recording, math.ceil(recording.num_events / num_events))
+        super().__init__(math.ceil(recording.num_events / num_events))
+        self._recording = recording
         self._num_events = num_events
 
     def _window(self, index: int) -> Window:
@@ -148,7 +157,8 @@ class _CountPlan(_Plan):
 class _DurationPlan(_Plan):
     def __init__(self, recording: Recording, duration: int, step: int) -> None:
         # The last event lies inside the last window: half open windows need one microsecond past it.
-        super().__init__(recording, recording.span.duration // step + 1)
+        super().__init__(recording.span.duration // step + 1)
+        self._recording = recording
         self._duration = duration
         self._step = step
 
@@ -157,3 +167,13 @@ class _DurationPlan(_Plan):
         t_stop = t_start + self._duration
         start, stop = self._recording.index_at(t_start), self._recording.index_at(t_stop)
         return Window(index, start, stop, t_start, t_stop, t_stop > self._recording.span.stop + 1)
+
+
+class _LaterPlan(_Plan):
+    def __init__(self, windows: Sequence[Window], first: int) -> None:
+        super().__init__(len(windows) - first)
+        self._windows = windows
+        self._first = first
+
+    def _window(self, index: int) -> Window:
+        return replace(self._windows[self._first + index], index=index)

@@ -1,1 +1,1 @@
-"""Longer questions, one module for each subject: what is asked, and when."""
+"""Longer questions to the model, one module a subject: the studies, and which of them a view asks."""

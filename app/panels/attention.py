@@ -8,6 +8,7 @@ from app import intents as ask
 from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page, assign, on_visitor
 from app.present import attention_html
+from app.present.attention_tools import attention_tools_html, pinned_html
 
 RANGES: dict[ask.MapRange, str] = {"shared": "one scale for all maps", "per map": "each map its own"}
 
@@ -18,7 +19,9 @@ class AttentionPanel:
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Maps first; the few settings stand below them."""
         self._pixel = gui.add_vector2("Pixel x, y", (0.0, 0.0), min=(0.0, 0.0), max=(65_535.0, 65_535.0), step=1.0)
+        self._pinned = Html(gui)
         self._maps = Html(gui)
+        self._tools = Html(gui)
         self._range = gui.add_dropdown("Colours", tuple(RANGES.values()))
         self._overlay = gui.add_slider("Strength", 0.0, 1.0, 0.05, 0.8)
         words: dict[str, ask.MapRange] = {text: name for name, text in RANGES.items()}
@@ -34,6 +37,10 @@ class AttentionPanel:
         assign(self._range, RANGES[state.map_range])
         assign(self._overlay, state.overlay)
         opened = state.site if state.opens_heads else None
+        has_maps = page.ready is not None and page.ready.attention is not None and bool(page.ready.attention.sites)
+        look = page.look if has_maps else None
+        self._pinned.show(pinned_html(page.ready, look, state.inside, ON_PICK))
+        self._tools.show(attention_tools_html(state.inside, look, site=opened, on_pick=ON_PICK))
         self._maps.show(
             attention_html(
                 page.ready,

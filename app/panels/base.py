@@ -11,6 +11,7 @@ import viser
 
 from app.intents import Intent
 from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.present.lane import LaneShown
 from app.present.timeline import Cached
 from app.studies import Finding
 from app.view_state import ViewState
@@ -52,6 +53,8 @@ class Page:
     """Why there is no moment, in plain words."""
     findings: Mapping[str, Finding] = field(default_factory=dict)
     """What is known of the studies that this view wants, by slot."""
+    lanes: tuple[LaneShown, ...] = ()
+    """What is compared at this moment, the main lane first; empty while nothing is."""
     link: str = ""
     """The moment on show as a value for an address; empty while it moves."""
 

@@ -12,6 +12,7 @@ from app.panels.pictures import reconstruction
 from app.panels.public import caption_html
 from app.present import camera_frame_html, event_image_html, provenance_html, site_words
 from app.present.cloud import EventCloud
+from app.present.links import LINK_COLOURS, link_words, links_of
 from etnet.render.colours import OFF, ON, hexadecimal
 
 _HELP = f'<span><button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button></span>'
@@ -54,19 +55,20 @@ class SceneLegend:
         if page.state.show.is_demo:
             mark += f"<i data-etv-public></i>{caption_html(page.state.show.act)}"
         if page.state.workspace == "attention":
-            self._legend.show(mark + _map_words(page))
+            self._legend.show(mark + _over_scene(_map_words(page) + _link_words(page)))
             return
         cloud = self._cloud
         if page.moment is None or cloud is None or not _shows_cloud(page):
-            self._legend.show(mark)
+            self._legend.show(mark + _over_scene(_link_words(page)))
             return
         drawn = f"{len(cloud.positions):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
-        self._legend.show(
-            f'{mark}<div class="et etv-scene-legend" data-testid="scene-legend">'
-            f'<span class="et-swatch"><i style="background:{hexadecimal(ON)}"></i>brighter (ON)</span>'
-            f'<span class="et-swatch"><i style="background:{hexadecimal(OFF)}"></i>darker (OFF)</span>'
-            f'<span class="et-note">{drawn} · the newest lie at the picture</span></div>'
+        hues = ("made the pixel brighter", "made it darker") if cloud.is_traced else ("brighter (ON)", "darker (OFF)")
+        swatches = "".join(
+            f'<span class="et-swatch"><i style="background:{hexadecimal(hue)}"></i>{words}</span>'
+            for hue, words in zip((ON, OFF), hues, strict=True)
         )
+        note = f'<span class="et-note">{drawn} · the newest lie at the picture</span>'
+        self._legend.show(mark + _over_scene(swatches + note + _link_words(page)))
 
 
 class Demo:
@@ -97,10 +99,22 @@ def _map_words(page: Page) -> str:
         return ""
     words = site_words(page.state.site, attention.sites)
     head = "mean of all heads" if page.state.head is None else f"head {page.state.head + 1}"
-    return (
-        '<div class="et etv-scene-legend" data-testid="scene-legend">'
-        f'<span>{escape(words)}</span><span class="et-note">{head}</span></div>'
+    return f'<span>{escape(words)}</span><span class="et-note">{head}</span>'
+
+
+def _link_words(page: Page) -> str:
+    if not page.state.inside.shows_links:
+        return ""
+    links = links_of(page.ready, page.state.query)
+    return "".join(
+        f'<span class="et-swatch"><i style="background:{hexadecimal(LINK_COLOURS[scale])}"></i>'
+        f"{link_words(links, scale)}</span>"
+        for scale in dict.fromkeys(link.scale for link in links)
     )
+
+
+def _over_scene(content: str) -> str:
+    return f'<div class="et etv-scene-legend" data-testid="scene-legend">{content}</div>' if content else ""
 
 
 def _shows_cloud(page: Page) -> bool:

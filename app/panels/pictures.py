@@ -16,6 +16,8 @@ TONES: dict[ask.Tone, str] = {
     "raw": "as it comes",
     "robust": "stretched",
     "gamma": "gamma 2.2",
+    "hdr": "auto HDR",
+    "clahe": "local contrast",
 }
 
 

@@ -92,20 +92,25 @@ def _chosen(model_id: str | None) -> ask.Intent | None:
     return None if model_id is None else ask.ChooseModel(model_id)
 
 
+def offered(choices: tuple[Choice, ...]) -> dict[str, str]:
+    """Ids by the titles of a dropdown. Two of one name are told apart by where they come from, at last by a sign."""
+    titles: dict[str, str] = {}
+    for choice in choices:
+        title = choice.title if choice.title not in titles else f"{choice.title} ({choice.subtitle})"
+        while title in titles:
+            title += " ·"
+        titles[title] = choice.id
+    return titles
+
+
 def _offer(
     dropdown: viser.GuiDropdownHandle[Any], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
 ) -> None:
-    offered: dict[str, str] = {}
-    for choice in choices:
-        # Two files of one name are told apart by where they come from, and at last by a number.
-        title = choice.title if choice.title not in offered else f"{choice.title} ({choice.subtitle})"
-        while title in offered:
-            title += " ·"
-        offered[title] = choice.id
-    if offered and offered != ids:
+    titles = offered(choices)
+    if titles and titles != ids:
         ids.clear()
-        ids.update(offered)
-        dropdown.options = tuple(offered)
+        ids.update(titles)
+        dropdown.options = tuple(titles)
     for title, choice_id in ids.items():
         if choice_id == chosen:
             assign(dropdown, title)

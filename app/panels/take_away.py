@@ -7,6 +7,7 @@ from typing import Any
 
 import viser
 
+from app.inside_view import Change
 from app.looking.taking import SLOT
 from app.panels.base import Dispatch, Html, Page, assign, on_press, seconds_since_touched
 from app.panels.transport import EVERY_FRAME, SPEEDS
@@ -111,5 +112,9 @@ def _news(page: Page, parcel: Parcel, is_made: bool) -> str:
     if page.state.show.order is not None and finding is not None:
         trouble = f'<div class="et-failed" role="alert" data-testid="taking">{escape(finding.trouble)}</div>'
         return f'<div class="et">{trouble}</div>'
+    if page.state.inside.change != Change():
+        return (
+            '<div class="et"><div class="et-note">What is made is of the network and the events unchanged.</div></div>'
+        )
     words = f"The browser saves it. <code>etnet export {_COMMANDS[parcel]}</code> makes the same, of any size."
     return f'<div class="et"><div class="et-note">{words}</div></div>'

@@ -6,7 +6,9 @@ import viser
 
 from app import intents as ask
 from app.panels.base import Dispatch, Html, Page, assign, on_press, on_visitor
+from app.panels.compare import lane_series
 from app.present import STYLE, now_html, timeline_html, timeline_key_html
+from app.present.scores import curves_over
 
 _WAITING = '<div class="etv-strip"></div>'
 EVERY_FRAME = "every image"
@@ -71,7 +73,8 @@ class Transport:
         assign(self._slider, state.index)
         assign(self._time, round(max(page.moment.seconds[1], 0.0), 3))
         self._now.show(f'<div class="etv-now">{now_html(page.moment)}{timeline_key_html(page.moment)}</div>')
-        self._strip.show(f'<div class="etv-strip">{timeline_html(page.moment, page.cached)}</div>')
+        over = curves_over(page.moment, lane_series(page), state.compare.measure)
+        self._strip.show(f'<div class="etv-strip">{timeline_html(page.moment, page.cached, over=over)}</div>')
 
 
 def _speed_words(speed: float, waits_for_frames: bool) -> str:

@@ -19,6 +19,8 @@ class EventCloud:
     colours: UInt8[np.ndarray, "n 3"]
     num_events: int
     duration_ms: float
+    is_traced: bool = False
+    """Whether the colours say what a pixel owes to the events, and not their polarity."""
 
     @property
     def is_thinned(self) -> bool:

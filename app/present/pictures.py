@@ -21,6 +21,8 @@ _TONE_WORDS = {
     "raw": "brightness as it comes",
     "gamma": "display gamma 2.2",
     "robust": "stretched, 1st … 99th percentile",
+    "hdr": "auto HDR: this frame’s black and white",
+    "clahe": "local contrast (CLAHE)",
 }
 
 
@@ -125,6 +127,9 @@ def badges(ready: Ready, tones: Tones) -> str:
                 f"From a cold start {ready.num_warm} windows earlier; the exact frame follows",
             )
         )
+    elif not ready.wish.is_original:
+        found.append(chip("changed on purpose", "warning", "A part of the network or its events is changed"))
+        found.append('<button class="et-button" data-k="inside:back" data-pick="1">put back</button>')
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold:

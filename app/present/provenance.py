@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 from app.present.html import chip, escape, panel
 from app.present.moment import Moment
@@ -20,6 +22,8 @@ class ModelFacts:
 
     title: str
     trained_band: tuple[float, float] | None = None
+    card: Mapping[str, Any] = field(default_factory=dict)
+    """All that the weights file says of itself."""
 
 
 def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step_milliseconds: float | None) -> str:
@@ -29,7 +33,7 @@ def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step
         ("recording", escape(f"{recording.name} ({recording.format})")),
         ("sensor", escape(f"{recording.sensor} px")),
         ("windows", escape(policy(moment.policy))),
-        ("events per pixel", _density(moment.events_per_pixel, model.trained_band)),
+        ("events per pixel", density_html(moment.events_per_pixel, model.trained_band)),
         ("network", escape(model.title)),
         ("computed in", escape(_runtime(ready))),
         ("one step", milliseconds(step_milliseconds) if step_milliseconds else "not measured yet"),
@@ -61,7 +65,8 @@ def _badge(ready: Ready | None) -> str:
     return chip("exact", "exact") if ready.is_exact else chip("not exact", "warning")
 
 
-def _density(value: float, band: tuple[float, float] | None) -> str:
+def density_html(value: float, band: tuple[float, float] | None) -> str:
+    """Events per pixel beside the band that a network was trained on; just the number where that is not known."""
     if band is None:
         return short(value)
     low, high = (_place(edge) for edge in band)

@@ -46,10 +46,12 @@ def curve_of(moment: Moment) -> RateCurve:
     )
 
 
-def timeline_html(moment: Moment, cached: Cached | None = None, *, inset: str = "0px", on_pick: str = "") -> str:
+def timeline_html(
+    moment: Moment, cached: Cached | None = None, *, inset: str = "0px", on_pick: str = "", over: str = ""
+) -> str:
     """A strip of 44 px over its seconds; its width is windows 0 … n − 1. A click sends `time`.
 
-    `inset` is left free on either side (a slider's own padding).
+    `inset` is left free on either side (a slider's own padding). `over`: SVG in the strip's measure, drawn last.
     """
     curve, num = curve_of(moment), len(moment.windows)
     held = cached or NothingCached()
@@ -58,7 +60,7 @@ def timeline_html(moment: Moment, cached: Cached | None = None, *, inset: str = 
     strip = (
         f'<div class="et-strip{" et-pick" if on_pick else ""}"{picking} data-testid="strip">'
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
-        f"{_background(moment, curve, num)}{_bars(held, num)}</svg>"
+        f"{_background(moment, curve, num)}{_bars(held, num)}{over}</svg>"
         f'<i class="et-head-line" style="left:{at:.3%}"></i></div>'
     )
     return panel("timeline", strip, _seconds(moment, curve, num), style=f"--inset:{inset}")

@@ -19,6 +19,11 @@ def short(value: float) -> str:
     return f"{value:.3g}" if abs(value) >= 1e-3 else f"{value:.1e}"
 
 
+def of_whole(share: float, digits: int = 0) -> str:
+    """A share as 13 %."""
+    return f"{100 * share:.{digits}f} %"
+
+
 def seconds(value: float, digits: int = 3) -> str:
     """0.620 s, or 1 min 02.5 s for long ones."""
     if value < 60:

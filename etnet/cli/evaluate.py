@@ -92,9 +92,9 @@ def run(config: Evaluate) -> int:
 def sort_items(items: tuple[str, ...]) -> tuple[list[str], list[Path]]:
     """Models and recordings apart: a bundled name, a preset's or a weights file is a model; the rest must exist."""
     from etnet.bundled import models as bundled
-    from etnet.nets.presets import PRESETS
+    from etnet.nets.presets import PRESETS, UNTRAINED
 
-    names = {path.stem for path in bundled()} | set(PRESETS)
+    names = {path.stem for path in bundled()} | set(PRESETS) | set(UNTRAINED)
     models = [item for item in items if item in names or Path(item).suffix in (".safetensors", ".pth", ".pt", ".tar")]
     recordings = [Path(item) for item in items if item not in models]
     absent = next((path for path in recordings if not path.exists()), None)

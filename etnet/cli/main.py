@@ -14,6 +14,8 @@ from etnet.errors import EtnetError
 _COMMANDS: dict[str, tuple[str, str]] = {
     "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
     "inspect": ("etnet.cli.inspect", "Inspect"),
+    "convert-events": ("etnet.cli.convert_events", "ConvertEvents"),
+    "cut": ("etnet.cli.cut", "Cut"),
     "convert": ("etnet.cli.convert", "Convert"),
     "simulate": ("etnet.cli.simulate", "Simulate"),
     "train": ("etnet.cli.train", "Train"),
@@ -65,5 +67,5 @@ def _help() -> str:
     lines = ["usage: etnet COMMAND [OPTIONS]   (etnet COMMAND --help tells the options)", ""]
     for name, (module_name, _) in _COMMANDS.items():
         summary = (import_module(module_name).__doc__ or "").strip().partition(": ")[2].splitlines()[0]
-        lines.append(f"  {name:<12} {summary[:1].upper()}{summary[1:]}")
+        lines.append(f"  {name:<15} {summary[:1].upper()}{summary[1:]}")
     return "\n".join(lines)

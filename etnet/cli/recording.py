@@ -1,4 +1,4 @@
-"""Opening a recording from the command line: the same assumptions and views for every command."""
+"""Opening and writing recordings from the command line: the same options and words for every command."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from etnet.cli.progress import fraction_callback
+from etnet.cli.progress import console, fraction_callback
 from etnet.errors import RecordingError
 from etnet.events.assumptions import Assumptions
 from etnet.events.open import open_recording
 from etnet.events.recording import Recording
 from etnet.events.view import View
+from etnet.events.write import Layout, write_recording
 
 
 @dataclass(frozen=True)
@@ -60,3 +61,23 @@ def open_with_progress(path: Path, opening: Opening) -> Recording:
     """Open `path`, with a bar while a format without an index is decoded."""
     with fraction_callback(f"opening {path.name}") as progress:
         return open_recording(path, assume=opening.assumptions(), view=opening.view(), progress=progress)
+
+
+def write_with_progress(
+    recording: Recording,
+    path: Path,
+    layout: Layout | None,
+    start: int = 0,
+    stop: int | None = None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write events start … stop − 1 with a bar; then say how many, and what was assumed, repaired or left out."""
+    stop = recording.num_events if stop is None else stop
+    with fraction_callback(f"writing {path.name}") as progress:
+        remarks = write_recording(
+            recording, path, layout, start=start, stop=stop, overwrite=overwrite, progress=progress
+        )
+    for remark in (*recording.remarks, *remarks):
+        console.print(f"  {remark}", markup=False, soft_wrap=True, style="dim")
+    console.print(f"{path}: {stop - start:,} events of {recording.sensor}", markup=False, soft_wrap=True)

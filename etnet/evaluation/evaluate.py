@@ -19,11 +19,12 @@ from etnet.evaluation.metrics import (
     sharpness,
     structural_similarity,
 )
-from etnet.evaluation.protocol import Item, Plan, Protocol, plan_protocol
+from etnet.evaluation.protocol import Plan, Protocol, plan_protocol
 from etnet.evaluation.scores import ROWS, Measure, Row, Scores
 from etnet.evaluation.temporal import estimate_flow, temporal_consistency
 from etnet.events.recording import GroundTruth, Recording
 from etnet.nets.base import Reconstructor
+from etnet.nets.runtime import device_of
 from etnet.reconstruction import window_voxel
 
 Progress = Callable[[float], None]
@@ -101,52 +102,89 @@ def evaluate(
     Temporal consistency takes the file's own flow; without it DIS on ground truth, which a remark says, or nothing
     when `estimates_flow` is off. Raises RecordingError without ground truth.
     """
-    plan = plan_protocol(recording, protocol, whole)
-    truth = recording.ground_truth
-    assert truth is not None
-    judge = FrameJudge(protocol, judges or Judges.default())
-    flow = _FlowOf(truth, estimates_flow)
-    table = _Table()
-    grey = _mean_grey(truth, plan)
-    before: tuple[int, Tensor, dict[Row, Tensor]] | None = None
-    with torch.inference_mode():
-        for item, frame in _replay(model, recording, plan, on_progress):
-            assert item.frame is not None
-            target = _as_image(truth.read_frame(item.frame)).to(frame.device)
-            prepared = judge.prepare(frame, getattr(model, "post_processing", "none"))
-            images: dict[Row, Tensor] = {
-                "as it is": prepared,
-                "best affine per frame": judge.fit(prepared, target),
-                "constant grey": torch.full_like(target, grey),
-            }
-            features = judge.features(target)
-            moved = flow.into(item.frame) if before is not None and before[0] == item.frame - 1 else None
-            for row, image in images.items():
-                values = judge.score(image, target, features)
-                values["temporal"] = math.nan
-                if moved is not None and before is not None:
-                    pair = (before[2][row], image)
-                    values["temporal"] = temporal_consistency((before[1], target), pair, moved.to(target)).item()
-                table.add(row, values)
-            before = item.frame, target, images
-    stamps = np.asarray(truth.stamps, np.int64)[list(plan.frames)]
-    remarks = (*plan.remarks, flow.remark)
-    return Scores(name or model.name, recording.name, protocol.name, plan.sequence, stamps, table.rows(), remarks)
-
-
-def _replay(
-    model: Reconstructor, recording: Recording, plan: Plan, on_progress: Progress | None
-) -> Iterator[tuple[Item, Tensor]]:
-    """The scored items with the model's raw frames. What is only warm-up is not decoded."""
-    state = None
-    device = next(iter(model.parameters())).device if isinstance(model, torch.nn.Module) else torch.device("cpu")
-    for done, item in enumerate(plan.items, start=1):
-        voxel = window_voxel(model, recording, item.window)[None].to(device)
-        pyramid, state = model.encode(voxel, state)
-        if item.frame is not None:
-            yield item, model.decode(pyramid)[0].float()
+    evaluation = Evaluation(model, recording, protocol, judges, whole, estimates_flow, name)
+    for fraction in evaluation.run():
         if on_progress is not None:
-            on_progress(done / len(plan.items))
+            on_progress(fraction)
+    return evaluation.scores()
+
+
+class Evaluation:
+    """An evaluation that can be done step by step: the viewer shows its scores while they come.
+
+    Raises as `evaluate` does.
+    """
+
+    def __init__(
+        self,
+        model: Reconstructor,
+        recording: Recording,
+        protocol: Protocol,
+        judges: Judges | None = None,
+        whole: bool = False,
+        estimates_flow: bool = True,
+        name: str | None = None,
+    ) -> None:
+        self.plan = plan_protocol(recording, protocol, whole)
+        truth = recording.ground_truth
+        assert truth is not None
+        self._truth = truth
+        self._model = model
+        self._recording = recording
+        self._judge = FrameJudge(protocol, judges or Judges.default())
+        self._flow = _FlowOf(truth, estimates_flow)
+        self._table = _Table()
+        self._name = name or model.name
+
+    def run(self) -> Iterator[float]:
+        """Replay the plan from a cold start; gives the fraction done after each window."""
+        state, before = None, None
+        grey = _mean_grey(self._truth, self.plan)
+        device = device_of(self._model)
+        for done, item in enumerate(self.plan.items, start=1):
+            # Entered anew for each window: whoever asks for the next one later is not in it meanwhile.
+            with torch.inference_mode():
+                voxel = window_voxel(self._model, self._recording, item.window)[None].to(device)
+                pyramid, state = self._model.encode(voxel, state)
+                if item.frame is not None:  # what is only warm-up is not decoded
+                    before = self._score(item.frame, self._model.decode(pyramid)[0].float(), grey, before)
+            yield done / len(self.plan.items)
+
+    def scores(self) -> Scores:
+        """What was scored up to now."""
+        rows = self._table.rows()
+        stamps = np.asarray(self._truth.stamps, np.int64)[list(self.plan.frames)][: self._table.num_frames]
+        remarks = (*self.plan.remarks, self._flow.remark)
+        protocol = self._judge.protocol.name
+        return Scores(self._name, self._recording.name, protocol, self.plan.sequence, stamps, rows, remarks)
+
+    def _score(self, number: int, frame: Tensor, grey: float, before: _Scored | None) -> _Scored:
+        target = _as_image(self._truth.read_frame(number)).to(frame.device)
+        prepared = self._judge.prepare(frame, getattr(self._model, "post_processing", "none"))
+        images: dict[Row, Tensor] = {
+            "as it is": prepared,
+            "best affine per frame": self._judge.fit(prepared, target),
+            "constant grey": torch.full_like(target, grey),
+        }
+        features = self._judge.features(target)
+        moved = self._flow.into(number) if before is not None and before.number == number - 1 else None
+        for row, image in images.items():
+            values = self._judge.score(image, target, features)
+            values["temporal"] = math.nan
+            if moved is not None and before is not None:
+                pair = (before.images[row], image)
+                values["temporal"] = temporal_consistency((before.target, target), pair, moved.to(target)).item()
+            self._table.add(row, values)
+        return _Scored(number, target, images)
+
+
+@dataclass(frozen=True, slots=True)
+class _Scored:
+    """A scored frame, kept for the temporal measure of the next one."""
+
+    number: int
+    target: Tensor
+    images: dict[Row, Tensor]
 
 
 class _FlowOf:
@@ -179,6 +217,10 @@ class _Table:
     def add(self, row: Row, values: dict[Measure, float]) -> None:
         for measure, value in values.items():
             self._values[row].setdefault(measure, []).append(value)
+
+    @property
+    def num_frames(self) -> int:
+        return len(self._values["as it is"].get("mse", ()))
 
     def rows(self) -> dict[Row, dict[Measure, np.ndarray]]:
         return {

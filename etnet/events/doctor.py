@@ -174,7 +174,7 @@ def examine(recording: Recording, progress: Progress | None = None) -> Examinati
         step_edges=_STEP_EDGES,
         step_counts=tuple(tally.steps.tolist()),
         num_silent_pixels=int(np.count_nonzero(image == 0)),
-        hot_pixels=hot,
+        hot_pixels=hot[:_MOST_NAMED],
         frames=frames,
         suggested_events=suggested,
         suggested_duration=round(suggested * 1e6 / max(mean_rate, 1e-9)) if recording.num_events else 0,
@@ -202,6 +202,15 @@ def _blocks(recording: Recording) -> Iterator[tuple[float, Events]]:
         yield (i + 1) / num_blocks, recording.read(i * _BLOCK, min((i + 1) * _BLOCK, recording.num_events))
 
 
+def hot_pixels(recording: Recording) -> tuple[HotPixel, ...]:
+    """All pixels that fire `HOT_FACTOR` times more than the busiest of their neighbours, the worst first."""
+    counts = np.zeros(recording.sensor.num_pixels, np.int64)
+    for _, events in _blocks(recording):
+        places = events.y.astype(np.int64) * events.sensor.width + events.x
+        counts += np.bincount(places, minlength=len(counts))
+    return _hot_pixels(counts.reshape(recording.sensor.height, recording.sensor.width))
+
+
 def _hot_pixels(image: Int64[np.ndarray, "h w"]) -> tuple[HotPixel, ...]:
     padded = np.pad(image, 1)
     height, width = image.shape
@@ -213,7 +222,7 @@ def _hot_pixels(image: Int64[np.ndarray, "h w"]) -> tuple[HotPixel, ...]:
     is_hot = (image >= HOT_FACTOR * (around + 1)) & (image >= _HOT_SHARE * image.sum())
     rows, columns = np.nonzero(is_hot)
     found = [HotPixel(int(x), int(y), int(image[y, x])) for y, x in zip(rows, columns, strict=True)]
-    return tuple(sorted(found, key=lambda pixel: -pixel.num_events)[:_MOST_NAMED])
+    return tuple(sorted(found, key=lambda pixel: -pixel.num_events))
 
 
 def _frames(recording: Recording) -> FramesExam | None:

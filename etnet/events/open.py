@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import stat
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from etnet.errors import RecordingError
@@ -14,7 +14,7 @@ from etnet.events.events import Events
 from etnet.events.formats.base import HEAD_BYTES, Request, contained
 from etnet.events.formats.store import FolderStore, ZipStore
 from etnet.events.formats.table import FORMATS, choose
-from etnet.events.recording import EventSource, Recording
+from etnet.events.recording import Bracketing, EventSource, Recording
 from etnet.events.view import WHOLE_VIEW, View, seen_through
 
 __all__ = ["Assumptions", "View", "open_recording"]
@@ -36,6 +36,9 @@ class _OwningSource:
     def read(self, start: int, stop: int) -> Events:
         return self.inner.read(start, stop)
 
+    def bracket(self, t: int) -> tuple[int, int] | None:
+        return self.inner.bracket(t) if isinstance(self.inner, Bracketing) else None
+
     def close(self) -> None:
         self.inner.close()
         self.resources.close()
@@ -47,18 +50,21 @@ def open_recording(
     assume: Assumptions = NOTHING_ASSUMED,
     view: View = WHOLE_VIEW,
     progress: Progress | None = None,
+    patience: float | None = None,
 ) -> Recording:
     """Open a file, folder or zip of any format in the table.
 
     What was detected, repaired or assumed stands in `recording.remarks`. `progress` is told the fraction done while a
-    format with no index is decoded. Raises RecordingError, which names the file, the place and the remedy.
+    format with no index is decoded. A large RAW file is gone through once to make its time index, which is kept: with
+    `patience` (seconds) the part that was reached by then is given, a remark says so, and the rest is indexed in the
+    background for the next opening. Raises RecordingError, which names the file, the place and the remedy.
     """
     path = Path(path)
     told = progress or (lambda _: None)
     with ExitStack() as resources:
         scratch = Scratch(path.name)
         resources.callback(scratch.close)
-        request = _request(path, assume, told, resources, scratch)
+        request = replace(_request(path, assume, told, resources, scratch), patience=patience)
         chosen = choose(request, FORMATS)
         with contained(request.name, chosen.name):
             opened = seen_through(view, chosen.open(request), request)
@@ -73,6 +79,7 @@ def open_recording(
         remarks=opened.remarks,
         ground_truth=opened.ground_truth,
         path=path,
+        inertial=opened.inertial,
     )
 
 

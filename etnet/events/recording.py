@@ -67,6 +67,20 @@ class GroundTruth:
         return after if self.stamps[after] - t < t - self.stamps[after - 1] else after - 1
 
 
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """What the camera's motion sensor measured, in its own axes: stamps in µs on the events' clock, ascending."""
+
+    stamps: Int64[np.ndarray, " n"]
+    acceleration: Float32[np.ndarray, "n 3"]
+    """g."""
+    rotation: Float32[np.ndarray, "n 3"]
+    """Degrees a second."""
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
 @runtime_checkable
 class EventSource(Protocol):
     """Where a recording's events lie. `read` is a slice by index, safe from two threads, ordered in time."""
@@ -82,6 +96,18 @@ class EventSource(Protocol):
 
     def close(self) -> None:
         """Give back files and memory."""
+        ...
+
+
+@runtime_checkable
+class Bracketing(Protocol):
+    """A source with an index of its stamps."""
+
+    def bracket(self, t: int) -> tuple[int, int] | None:
+        """Indices (start, stop) with start ≤ i ≤ stop for the first event i whose stamp is ≥ `t`; few events between.
+
+        None while the index is not there yet. `t` (µs) lies within the recording's span.
+        """
         ...
 
 
@@ -116,6 +142,7 @@ class Recording:
     remarks: tuple[Remark, ...] = ()
     ground_truth: GroundTruth | None = None
     path: Path | None = None
+    inertial: Inertial | None = None
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)
@@ -140,11 +167,8 @@ class Recording:
             return 0
         if t > self.span.stop:
             return self.num_events
-        low, high = 0, (self.num_events - 1) // INDEX_BLOCK
-        while low < high:
-            middle = (low + high + 1) // 2
-            low, high = (middle, high) if self._first_stamp(middle) < t else (low, middle - 1)
-        return low * INDEX_BLOCK + int(np.searchsorted(self._block(low), t))
+        start, stop = (isinstance(self.source, Bracketing) and self.source.bracket(t)) or self._bracket(t)
+        return start + int(np.searchsorted(self._stamps(start, stop), t))
 
     def close(self) -> None:
         """Give back files and memory; the recording cannot be read afterwards."""
@@ -162,15 +186,21 @@ class Recording:
             self._first_stamps[block] = int(self.source.read(start, start + 1).t[0])
         return self._first_stamps[block]
 
-    def _block(self, block: int) -> Int64[np.ndarray, " n"]:
+    def _bracket(self, t: int) -> tuple[int, int]:
+        low, high = 0, (self.num_events - 1) // INDEX_BLOCK
+        while low < high:
+            middle = (low + high + 1) // 2
+            low, high = (middle, high) if self._first_stamp(middle) < t else (low, middle - 1)
+        return low * INDEX_BLOCK, min((low + 1) * INDEX_BLOCK, self.num_events)
+
+    def _stamps(self, start: int, stop: int) -> Int64[np.ndarray, " n"]:
         with self._lock:
-            if block in self._blocks:
-                self._blocks.move_to_end(block)
-                return self._blocks[block]
-        start = block * INDEX_BLOCK
-        stamps = np.array(self.source.read(start, min(start + INDEX_BLOCK, self.num_events)).t)
+            if start in self._blocks:
+                self._blocks.move_to_end(start)
+                return self._blocks[start]
+        stamps = np.array(self.source.read(start, stop).t)
         with self._lock:
-            self._blocks[block] = stamps
+            self._blocks[start] = stamps
             while len(self._blocks) > 8:
                 self._blocks.popitem(last=False)
         return stamps

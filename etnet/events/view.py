@@ -16,7 +16,7 @@ from jaxtyping import Float32, Int64, UInt16
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Opened, Remarks, Request
-from etnet.events.recording import EventSource, GroundTruth, Span
+from etnet.events.recording import Bracketing, EventSource, GroundTruth, Span
 
 REGION_BLOCK = 65_536
 """Events of the file between two entries of a region's index."""
@@ -117,6 +117,9 @@ class _PlacedSource:
         events = self.inner.read(start, stop)
         x, y = self.placement.place(events.x, events.y)
         return Events(x, y, events.t, events.p, self.placement.sensor)
+
+    def bracket(self, t: int) -> tuple[int, int] | None:
+        return self.inner.bracket(t) if isinstance(self.inner, Bracketing) else None
 
     def close(self) -> None:
         self.inner.close()

@@ -14,11 +14,12 @@ from torch import Tensor, nn
 
 from etnet.errors import ModelError
 from etnet.nets.attention import Attention, AttentionProbe
-from etnet.nets.backbone import advance, check_voxel, upsample
-from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.backbone import upsample
+from etnet.nets.base import Pyramid
 from etnet.nets.blocks import ConvReLU, RecurrentLevel, Residual, Upsample
+from etnet.nets.composed import RecurrentPyramid
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.padding import crop_to_sensor, pad_to_grid
+from etnet.nets.padding import crop_to_sensor
 from etnet.nets.runtime import Runtime, precision_of
 
 NUM_LEVELS = 3
@@ -73,7 +74,7 @@ E2VID_PRESETS: dict[str, E2VIDConfig] = {
 """`e2vid-res6`, `-res12`, `-res16`: the partners of ET-Net's ablations (its Table 2), of about the same size."""
 
 
-class E2VID(nn.Module):
+class E2VID(RecurrentPyramid):
     """Recurrent U-Net. State: hidden and cell of levels 1, 2, 3, in this order."""
 
     def __init__(self, config: E2VIDConfig) -> None:
@@ -92,15 +93,6 @@ class E2VID(nn.Module):
         self.upsampler = nn.ModuleList(Upsample(channels[i + 1], channels[i]) for i in reversed(range(NUM_LEVELS)))
         self.tail = nn.Conv2d(channels[0], config.outputs, kernel_size=1)
 
-    def encode(
-        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
-    ) -> tuple[Pyramid, State]:
-        """Head and recurrent encoders: all that a later frame depends on."""
-        check_voxel(voxel, self.bins)
-        with precision_of(self.runtime, voxel.device.type):
-            levels, after = advance(self._head(voxel), self.backbone, state, intervention)
-        return Pyramid(levels, voxel.shape[-2], voxel.shape[-1]), after
-
     def decode(
         self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
     ) -> tuple[Float[Tensor, "b 1 h w"], Attention | None]:
@@ -114,27 +106,3 @@ class E2VID(nn.Module):
             frame = self.tail(image.float())[:, :1]
             frame = torch.sigmoid(frame) if self.config.final == "sigmoid" else frame
         return crop_to_sensor(frame, pyramid.height, pyramid.width), None
-
-    def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
-        """The pyramid of the step that ended in `state_after`: its hidden states, and the head once more."""
-        check_voxel(voxel, self.bins)
-        with precision_of(self.runtime, voxel.device.type):
-            head = self._head(voxel)
-        return Pyramid((head, *state_after.tensors[::2]), voxel.shape[-2], voxel.shape[-1])
-
-    def forward(
-        self,
-        voxel: Float[Tensor, "b bins h w"],
-        state: State | None = None,
-        probe: AttentionProbe | None = None,
-        intervention: Intervention = ORIGINAL,
-    ) -> Step:
-        pyramid, state = self.encode(voxel, state, intervention)
-        frame, attention = self.decode(pyramid, probe, intervention)
-        return Step(frame, state, attention)
-
-    def _head(self, voxel: Tensor) -> Tensor:
-        padded = pad_to_grid(voxel)
-        if self.runtime.channels_last:
-            padded = padded.contiguous(memory_format=torch.channels_last)
-        return self.head(padded)

@@ -12,11 +12,12 @@ from torch import Tensor, nn
 
 from etnet.errors import ModelError
 from etnet.nets.attention import Attention, AttentionProbe, Observer
-from etnet.nets.backbone import advance, check_voxel, upsample
-from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.backbone import upsample
+from etnet.nets.base import Pyramid
 from etnet.nets.blocks import ConvReLU, RecurrentLevel, Upsample
+from etnet.nets.composed import RecurrentPyramid
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.padding import PATCH, TokenGrid, crop_to_sensor, pad_to_grid
+from etnet.nets.padding import PATCH, TokenGrid, crop_to_sensor
 from etnet.nets.positions import ORIGIN, Placement, grid_positions, raster_positions
 from etnet.nets.runtime import Runtime, precision_of
 from etnet.nets.transformer import DecoderLayer, EncoderLayer
@@ -165,7 +166,7 @@ class TokenPyramidAggregation(nn.Module):
         return rearrange(context, "b (i j) d -> b d i j", i=levels[NUM_LEVELS].shape[-2])
 
 
-class ETNet(nn.Module):
+class ETNet(RecurrentPyramid):
     """The network of the paper's Fig. 1. State: hidden and cell of levels 1, 2, 3, in this order."""
 
     def __init__(self, config: ETNetConfig) -> None:
@@ -183,15 +184,6 @@ class ETNet(nn.Module):
         self.upsampler = nn.ModuleList(Upsample(channels[i + 1], channels[i]) for i in reversed(range(NUM_LEVELS)))
         self.tail = nn.Conv2d(channels[0], 1, kernel_size=1)
 
-    def encode(
-        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
-    ) -> tuple[Pyramid, State]:
-        """Recurrent convolution backbone (paper, eq. 2): all that a later frame depends on."""
-        check_voxel(voxel, self.bins)
-        with precision_of(self.runtime, voxel.device.type):
-            levels, after = advance(self._head(voxel), self.backbone, state, intervention)
-        return Pyramid(levels, voxel.shape[-2], voxel.shape[-1]), after
-
     def decode(
         self,
         pyramid: Pyramid,
@@ -206,30 +198,6 @@ class ETNet(nn.Module):
             frame = self._upsample(context, pyramid.levels, intervention)
         frame = crop_to_sensor(frame, pyramid.height, pyramid.width)
         return frame, observer.attention(TokenGrid(pyramid.height, pyramid.width))
-
-    def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
-        """The pyramid of the step that ended in `state_after`: its hidden states, and the head once more."""
-        check_voxel(voxel, self.bins)
-        with precision_of(self.runtime, voxel.device.type):
-            head = self._head(voxel)
-        return Pyramid((head, *state_after.tensors[::2]), voxel.shape[-2], voxel.shape[-1])
-
-    def forward(
-        self,
-        voxel: Float[Tensor, "b bins h w"],
-        state: State | None = None,
-        probe: AttentionProbe | None = None,
-        intervention: Intervention = ORIGINAL,
-    ) -> Step:
-        pyramid, state = self.encode(voxel, state, intervention)
-        frame, attention = self.decode(pyramid, probe, intervention)
-        return Step(frame, state, attention)
-
-    def _head(self, voxel: Tensor) -> Tensor:
-        padded = pad_to_grid(voxel)
-        if self.runtime.channels_last:
-            padded = padded.contiguous(memory_format=torch.channels_last)
-        return self.head(padded)
 
     def _upsample(self, context: Tensor, levels: tuple[Tensor, ...], intervention: Intervention) -> Tensor:
         """Multi-level upsampler (paper, eq. 4); the last layer and the sigmoid in fp32."""

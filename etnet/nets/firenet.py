@@ -12,8 +12,9 @@ from torch.nn.functional import relu
 from etnet.errors import ModelError
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.backbone import check_voxel
-from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.base import Pyramid, State
 from etnet.nets.blocks import ConvGRU, Residual
+from etnet.nets.composed import Composed
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.runtime import Runtime, precision_of
 
@@ -37,7 +38,7 @@ FIRENET_PRESETS: dict[str, FireNetConfig] = {
 }
 
 
-class FireNet(nn.Module):
+class FireNet(Composed):
     """Head → gated memory → residual → gated memory → residual → 1×1. State: the two memories, in this order.
 
     Frames are unbounded: the last layer has no activation. For interventions the two memories are levels 1 and 2.
@@ -83,17 +84,6 @@ class FireNet(nn.Module):
         """The pyramid of the step that ended in `state_after`: its second memory is all that `decode` reads."""
         check_voxel(voxel, self.bins)
         return self._pyramid_of(state_after.tensors[1])
-
-    def forward(
-        self,
-        voxel: Float[Tensor, "b bins h w"],
-        state: State | None = None,
-        probe: AttentionProbe | None = None,
-        intervention: Intervention = ORIGINAL,
-    ) -> Step:
-        pyramid, state = self.encode(voxel, state, intervention)
-        frame, attention = self.decode(pyramid, probe, intervention)
-        return Step(frame, state, attention)
 
     def _remember(self, index: int, image: Tensor, state: State | None, intervention: Intervention) -> Tensor:
         before = None if state is None or index + 1 in intervention.zeroed_levels else state.tensors[index]

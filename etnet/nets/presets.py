@@ -12,10 +12,11 @@ from etnet.errors import ModelError
 from etnet.nets.e2vid import E2VID, E2VID_PRESETS, E2VIDConfig
 from etnet.nets.etnet import ETNet, ETNetConfig
 from etnet.nets.firenet import FIRENET_PRESETS, FireNet, FireNetConfig
+from etnet.nets.integrator import IntegratorConfig, LeakyIntegrator
 
-Network = ETNet | E2VID | FireNet
+Network = ETNet | E2VID | FireNet | LeakyIntegrator
 """A network that this package can build, save and load."""
-NetworkConfig = ETNetConfig | E2VIDConfig | FireNetConfig
+NetworkConfig = ETNetConfig | E2VIDConfig | FireNetConfig | IntegratorConfig
 
 _HALF = ETNetConfig(
     base_channels=16, dim=128, feed_forward=512, projects_coarsest=True, token_norm=True, context_norm=True
@@ -34,8 +35,12 @@ ARCHITECTURES: dict[str, tuple[type[Any], type[Network]]] = {
     "ETNet": (ETNetConfig, ETNet),
     "E2VID": (E2VIDConfig, E2VID),
     "FireNet": (FireNetConfig, FireNet),
+    "LeakyIntegrator": (IntegratorConfig, LeakyIntegrator),
 }
 """Configuration and network by the class name that weights files carry."""
+
+UNTRAINED: dict[str, IntegratorConfig] = {"leaky-integrator": IntegratorConfig()}
+"""Baselines that need no weights: they can be loaded by name like any bundled network."""
 
 
 @overload

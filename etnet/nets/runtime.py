@@ -47,11 +47,16 @@ def apply_runtime(model: nn.Module, runtime: Runtime) -> None:
     model.runtime = runtime  # pyright: ignore[reportArgumentType]
 
 
-def contract_of(model: nn.Module) -> Contract:
+def device_of(model: object) -> torch.device:
+    """Where a network's weights lie; the CPU for one of somebody's own that has none to ask."""
+    parameter = next(iter(model.parameters()), None) if isinstance(model, nn.Module) else None
+    return torch.device("cpu") if parameter is None else parameter.device
+
+
+def contract_of(model: object) -> Contract:
     """The contract under which `model` runs now."""
-    parameter = next(model.parameters())
     runtime = getattr(model, "runtime", Runtime())
-    return Contract(runtime, str(parameter.device), torch.get_num_threads(), torch.__version__, platform.machine())
+    return Contract(runtime, str(device_of(model)), torch.get_num_threads(), torch.__version__, platform.machine())
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from etnet.bundled import models
 from etnet.errors import ModelError, WeightsError
 from etnet.nets.precision import PrecisionChoice, choose_runtime
-from etnet.nets.presets import ARCHITECTURES, PRESETS, Network
+from etnet.nets.presets import ARCHITECTURES, PRESETS, UNTRAINED, Network, build_model
 from etnet.nets.runtime import apply_runtime
 
 FORMAT = "etnet-weights-1"
@@ -91,11 +91,12 @@ def load_strictly(model: nn.Module, state: Mapping[str, Tensor], source: str) ->
 def load_model(
     name_or_path: str | Path = "etnet-half", device: str = "cpu", precision: PrecisionChoice = "fp32"
 ) -> Network:
-    """A model ready to reconstruct: a preset's bundled weights by name, or a weights file by path.
+    """A model ready to reconstruct: a preset's bundled weights or an untrained baseline by name, or a file by path.
 
     `precision` "auto" times one small encode and decode in fp32 and bf16 and keeps the faster.
     """
-    model = load_weights(_find(name_or_path), device)
+    untrained = UNTRAINED.get(str(name_or_path))
+    model = load_weights(_find(name_or_path), device) if untrained is None else build_model(untrained).to(device)
     apply_runtime(model, choose_runtime(model, precision, device))
     for parameter in model.parameters():
         parameter.requires_grad_(False)

@@ -15,6 +15,7 @@ from etnet.events.recording import Recording
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.base import Pyramid, Reconstructor, State, Step
 from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.runtime import device_of
 from etnet.playback.checkpoints import Checkpoints
 from etnet.playback.frames import Frames
 from etnet.reconstruction import window_voxel
@@ -202,7 +203,7 @@ class Playback:
         return pyramid, state
 
     def _input(self, index: int) -> Tensor:
-        return self.voxel(index)[None].to(next(self.model.parameters()).device)  # pyright: ignore[reportAttributeAccessIssue]
+        return self.voxel(index)[None].to(device_of(self.model))
 
     def _owner(self, index: int) -> Playback:
         """The playback whose changes hold at window `index` and that keeps its state: this one or one it branches."""

@@ -25,6 +25,11 @@ def log_level(relative: Float[np.ndarray, "*shape"], highest: float = HIGHEST) -
     return (np.log2(floor / LOWEST) / np.log2(max(highest, 2 * LOWEST) / LOWEST)).clip(0, 1)
 
 
+def linear_level(relative: Float[np.ndarray, "*shape"], highest: float = HIGHEST) -> Float[np.ndarray, "*shape"]:
+    """× uniform → 0 … 1 over 0 … `highest`, linearly."""
+    return (relative / max(highest, LOWEST)).clip(0, 1)
+
+
 def tokens_read(row: Float[np.ndarray, "*maps keys"]) -> Float[np.ndarray, "*maps"]:
     """To how many tokens a row amounts: exp of its entropy. One token gives 1, all alike give their number."""
     return np.exp(-(row * np.log(np.maximum(row, 1e-30))).sum(-1))
@@ -69,10 +74,15 @@ def composite(
     left: int,
     patch: int,
     query: tuple[int, int] | None,
+    is_smooth: bool = False,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """One map over the dimmed frame at sensor size: `patch` whole pixels a token, and the query (x, y) marked."""
+    """One map over the dimmed frame, the query (x, y) marked: `patch` whole pixels a token, or smooth."""
     height, width = frame.shape
-    large = tokens.repeat(patch, axis=0).repeat(patch, axis=1)[top : top + height, left : left + width]
+    if is_smooth:
+        large = cv2.resize(tokens, None, fx=patch, fy=patch, interpolation=cv2.INTER_LINEAR)
+    else:
+        large = tokens.repeat(patch, axis=0).repeat(patch, axis=1)
+    large = large[top : top + height, left : left + width]
     alpha = large[..., 3:].astype(np.float32) / 255
     under = dimmed(frame)[..., None]
     image = np.rint(under * (1 - alpha) + large[..., :3] * alpha).astype(np.uint8)

@@ -48,6 +48,7 @@ class Checkpoint:
     config: dict[str, Any]
     weights: Mapping[str, Tensor]
     averaged: Mapping[str, Tensor]
+    reader: Mapping[str, Tensor]
     optimiser: dict[str, Any]
     memory: tuple[Tensor, ...]
     """The recurrent state carried to the next update, of all processes' clips; empty before the first update."""

@@ -124,6 +124,8 @@ class LossConfig:
     """L1 between the images' differences of neighbours."""
     tone: float = 1.0
     """L1 between the images' means over a token's 8 × 8 pixels: what can only be told from far away."""
+    context: float = 0.0
+    """L1 between the image and what a linear layer reads off TPA's output alone (`context_reader.py`)."""
     temporal: float = 0.0
     temporal_from: int = 2
     """First window of a clip at which temporal consistency counts (L0 in eq. 5)."""

@@ -26,11 +26,12 @@ class Terms:
     l1: Tensor
     gradient: Tensor
     tone: Tensor
+    context: Tensor
     temporal: Tensor
 
     def numbers(self) -> dict[str, float]:
         """For the log."""
-        names = ("total", "perceptual", "l1", "gradient", "tone", "temporal")
+        names = ("total", "perceptual", "l1", "gradient", "tone", "context", "temporal")
         return {name: float(getattr(self, name).detach()) for name in names}
 
 
@@ -49,8 +50,9 @@ def score(
     config: LossConfig,
     lpips: LPIPS,
     pairs: Pairs | None = None,
+    context: Tensor | None = None,
 ) -> Terms:
-    """The loss of a batch of frames, in fp32; temporal consistency where there are `pairs`."""
+    """The loss of a batch of frames, in fp32; temporal consistency where there are `pairs`. `context`: that term."""
     prediction = prediction.float()
     zero = prediction.new_zeros(())
     perceptual = lpips(prediction, target).mean() if config.perceptual else zero
@@ -62,7 +64,14 @@ def score(
         temporal = temporal_consistency(
             prediction[pairs.before], prediction[pairs.after], target[pairs.before], target[pairs.after], pairs.flow
         )
-    weighted = {"perceptual": perceptual, "l1": l1, "gradient": gradient, "tone": tone, "temporal": temporal}
+    weighted = {
+        "perceptual": perceptual,
+        "l1": l1,
+        "gradient": gradient,
+        "tone": tone,
+        "context": zero if context is None else context,
+        "temporal": temporal,
+    }
     total = torch.stack([getattr(config, name) * term for name, term in weighted.items()]).sum()
     return Terms(total, **weighted)
 

@@ -43,10 +43,11 @@ PAPER = TrainConfig(
 
 HALF = TrainConfig(
     out=Path("runs/half"),
-    network=replace(network_preset("etnet-half"), positions="grid", scales_logits=True, dropout=0.0),
+    network=replace(network_preset("etnet-half"), positions="grid", scales_logits=True, dropout=0.0, deepest_skip=1),
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
     data=DataConfig(scene=SceneConfig(smooth_share=0.3)),
+    loss=LossConfig(context=1.0),
     optimiser=OptimiserConfig(learning_rate=4e-4, schedule="trapezoid", warm_up=150),
 )
 """Half width, for two cores. `docs/training.md` has the reasons for every number."""

@@ -17,6 +17,7 @@ from etnet.nets.runtime import Runtime, apply_runtime
 from etnet.nets.weights import load_weights
 from etnet.training.checkpoint import Checkpoint, RunningMean, check_same_run, load_checkpoint
 from etnet.training.config import OptimiserConfig, TrainConfig
+from etnet.training.context_reader import ContextReader, context_of
 from etnet.training.data import Stretch
 from etnet.training.distributed import World
 from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, take_fitting
@@ -48,6 +49,7 @@ class Run:
     averaged: RunningMean
     optimiser: torch.optim.AdamW
     lpips: LPIPS
+    reader: ContextReader
     update: int = 0
     state: State | None = None
     best: float = math.inf
@@ -69,8 +71,9 @@ class Run:
             terms, state = self._forward(stretch, before, draw)
         self.optimiser.zero_grad(set_to_none=True)
         terms.total.backward()
-        self.world.average_gradients(self.model.parameters())
-        norm = nn.utils.clip_grad_norm_(self.model.parameters(), config.optimiser.clip_norm)
+        trained = [*self.model.parameters(), *self.reader.parameters()]
+        self.world.average_gradients(trained)
+        norm = nn.utils.clip_grad_norm_(trained, config.optimiser.clip_norm)
         self.optimiser.step()
 
         self.update += 1
@@ -83,9 +86,11 @@ class Run:
         pyramid, state = unroll(self.model, stretch.voxels, before, draw.scored)
         if draw.blind is not None:
             pyramid = blindfold(pyramid, draw.blind)
-        frames, _ = self.model.decode(pyramid, intervention=draw.intervention, placement=draw.placement)
-        targets = stretch.frames[list(draw.scored)].flatten(0, 1)
-        return score(frames, targets, self.config.loss, self.lpips, self._pairs(stretch, draw)), state
+        with context_of(self.model) as contexts:
+            frames, _ = self.model.decode(pyramid, intervention=draw.intervention, placement=draw.placement)
+        targets, loss = stretch.frames[list(draw.scored)].flatten(0, 1), self.config.loss
+        told = self.reader.error(contexts[0], targets) if loss.context else None
+        return score(frames, targets, loss, self.lpips, self._pairs(stretch, draw), told), state
 
     def _pairs(self, stretch: Stretch, draw: Draw) -> Pairs | None:
         """Scored frames that follow each other directly, from window L0 of their clip on."""
@@ -116,6 +121,7 @@ class Run:
             config=self.config.as_plain(),
             weights=self.model.state_dict(),
             averaged=self.averaged.weights,
+            reader=self.reader.state_dict(),
             optimiser={},
             memory=(),
             best=self.best,
@@ -135,8 +141,10 @@ def begin(config: TrainConfig, world: World) -> Run:
         start_attention_locally(model, generator)
     apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
     model.train()
-    optimiser = torch.optim.AdamW(model.parameters(), weight_decay=config.optimiser.weight_decay)
-    return Run(config, world, model, RunningMean(model, config.optimiser.ema), optimiser, load_lpips())
+    reader = ContextReader(config.network.dim, generator)
+    parameters = [*model.parameters(), *reader.parameters()]
+    optimiser = torch.optim.AdamW(parameters, weight_decay=config.optimiser.weight_decay)
+    return Run(config, world, model, RunningMean(model, config.optimiser.ema), optimiser, load_lpips(), reader)
 
 
 def resume(config: TrainConfig, world: World, path: Path, changed: bool = False) -> Run:
@@ -146,6 +154,7 @@ def resume(config: TrainConfig, world: World, path: Path, changed: bool = False)
         check_same_run(config, checkpoint, path)
     run = begin(config, world)
     run.model.load_state_dict(checkpoint.weights)
+    run.reader.load_state_dict(checkpoint.reader)
     run.averaged.weights = dict(checkpoint.averaged)
     run.optimiser.load_state_dict(checkpoint.optimiser)
     run.update, run.best = checkpoint.update, checkpoint.best

@@ -79,12 +79,16 @@ class InstantEngine:
         self.dropped = []
         self.studies = []
         self.is_held = False
+        self.has_frames_at_hand = False
         self.failure = ""
 
     def request(self, visitor, wish, deliver):
         self.wishes.append((visitor, wish))
         if self.is_held:
             deliver(Working(wish, 14, 19, "replaying"))
+            return
+        if self.has_frames_at_hand:
+            self._answer(wish, deliver)
             return
         threading.Thread(target=self._answer, args=(wish, deliver), daemon=True).start()
 

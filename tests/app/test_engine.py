@@ -162,7 +162,7 @@ def test_a_visitor_who_left_gets_nothing(shelf, make_engine):
         (wish(0, model="missing"), "no such model"),
         (wish(40), "this plan has 40"),
         (wish(-1), "does not exist"),
-        (wish(0, intervention=Intervention(zeroed_levels=frozenset({1}))), "memory"),
+        (wish(0, intervention=Intervention(zeroed_levels=frozenset({1})), since=3), "lies before window 3"),
     ],
 )
 def test_an_error_with_a_name_becomes_a_reply_and_the_engine_lives(asked, said, make_engine):

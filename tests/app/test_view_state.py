@@ -4,9 +4,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app import compare_view as compare
 from app import intents as ask
 from app.memory import from_text, to_text
 from app.view_state import Limits, ViewState, reduce
+from etnet.events.clean import Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
 
@@ -17,6 +19,24 @@ POLICIES = st.one_of(
     st.builds(ByCount, st.integers(1, 10**6)),
     st.builds(ByDuration, st.integers(1, 10**7), st.none() | st.integers(1, 10**7)),
     st.builds(ByDensity, st.floats(1e-3, 1e3)),
+)
+ANYTHING = st.none() | st.booleans() | ANY_INT | ANY_FLOAT | st.text(max_size=9) | POLICIES | st.builds(Cleaning)
+COMPARISONS = st.one_of(
+    st.builds(compare.OpenInspector, st.sampled_from(["none", "lanes", "scores", "fit", "evil"])),
+    st.builds(compare.AddLane),
+    st.builds(compare.RemoveLane, ANY_INT | st.integers(0, 3)),
+    st.builds(compare.ChooseLane, ANY_INT | st.integers(0, 3)),
+    st.builds(
+        compare.ChangeLane,
+        st.sampled_from(["model_id", "precision", "policy", "cleaning"]),
+        ANYTHING | st.sampled_from(["fp32", "bf16"]),
+    ),
+    st.builds(compare.StartCold, st.booleans()),
+    st.builds(
+        compare.ChangeSight,
+        st.sampled_from(["sight", "wipe", "zoom", "measure", "rule", "replays", "offset"]),
+        ANYTHING | st.sampled_from(["wipe", "error", "ssim", "evreal", 2, 8]),
+    ),
 )
 INTENTS = st.one_of(
     st.builds(ask.OpenRecording, st.text(max_size=20)),
@@ -44,6 +64,7 @@ INTENTS = st.one_of(
     st.builds(ask.ChooseCamera, st.sampled_from(["orbit", "front", "side"])),
     st.builds(ask.ShowEvents, st.booleans()),
     st.builds(ask.OpenBin, st.none() | ANY_INT),
+    COMPARISONS,
 )
 
 
@@ -148,3 +169,23 @@ def test_every_seek_of_a_visitor_stops_playing_and_a_late_tick_does_not_move_him
 
 def test_play_at_the_end_starts_over():
     assert reduce(ViewState(index=39), ask.TogglePlay(), limits()) == ViewState(index=0, is_playing=True)
+
+
+def test_a_lane_starts_cold_at_the_window_on_show_and_forgets_it_in_another_recording():
+    bounds = limits()
+    state = reduce(ViewState(recording_id="a", index=7), compare.AddLane(), bounds)
+    state = reduce(state, compare.StartCold(True), bounds)
+    assert state.compare.lanes[0].cold_from == bounds.windows[7].t_start
+    assert reduce(state, compare.StartCold(False), bounds).compare.lanes[0].cold_from is None
+    assert reduce(state, ask.OpenRecording("b"), bounds).compare.lanes == (compare.Lane(),)
+
+
+def test_three_lanes_are_the_most_and_the_chosen_one_exists():
+    state = ViewState()
+    for _ in range(5):
+        state = reduce(state, compare.AddLane(), limits())
+    assert len(state.compare.lanes) == compare.MOST_LANES
+    for _ in range(5):
+        state = reduce(state, compare.RemoveLane(0), limits())
+        assert state.compare.chosen < max(len(state.compare.lanes), 1)
+    assert state.compare.lanes == ()

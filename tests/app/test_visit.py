@@ -51,6 +51,20 @@ def test_the_event_view_follows_the_slider_while_the_model_is_busy(viewer):
         viewer.engine.is_held = False
 
 
+def test_a_frame_at_hand_is_drawn_at_once_with_its_events(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 15")
+        viewer.engine.has_frames_at_hand = True
+        await browser.use(browser.widget("Window"), 22)
+        await browser.until_shown("Reconstruction of window 22")
+        assert "showing 15" not in str([message for _, _, message in browser.arrivals])
+
+    try:
+        visit(viewer, story, tab=22)
+    finally:
+        viewer.engine.has_frames_at_hand = False
+
+
 def test_a_value_beyond_the_recording_is_brought_inside(viewer):
     async def story(browser):
         await browser.use(browser.widget("Window"), 99_999)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import shutil
 
 import h5py
@@ -10,9 +11,12 @@ import numpy as np
 import pytest
 import scipy.io
 
+from etnet.errors import RecordingError
+from etnet.events.formats import prophesee
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
-from tests.events.fuzz import fuzz
+from tests.events.formats.test_camera_samples import global_shutter, picture, saved, with_events
+from tests.events.fuzz import fuzz, is_ours
 from tests.real_data import real_file
 from tests.strategies import make_events
 
@@ -20,7 +24,7 @@ ROUNDS = 12
 SLOW_ROUNDS = 400
 
 WRITTEN = ("event_utils.h5", "dsec.hdf5", "aedat4.aedat4", "evt3.raw", "csv.csv", "npz.npz")
-MADE = ("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy")
+MADE = ("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy", "davis.aedat")
 REAL = (
     "aedat4/davis346_street_0.17s.aedat4",
     "aedat4/test_data_gray16.aedat4",
@@ -59,6 +63,8 @@ def seed_file(name: str, folder):
         path.write_text("20 12\n" + rows)
     elif name == "text.txt.gz":
         path.write_bytes(gzip.compress(rows.encode()))
+    elif name == "davis.aedat":
+        saved(path, with_events(global_shutter([picture(np.random.default_rng(0))]))[0])
     else:
         np.save(path, np.stack([events.t, events.x, events.y, events.p], 1))
     return path
@@ -81,6 +87,28 @@ def rounds_of(name: str, rounds: int) -> int:
 @pytest.mark.parametrize("name", REAL)
 def test_damage_to_real_files_is_refused_or_read(name, tmp_path):
     assert sum(fuzz(real_file(name), tmp_path, ROUNDS // 2, np.random.default_rng(0)).values()) == ROUNDS // 2
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("name", [name for name in REAL if name.endswith("evt2.raw")] + ["evt3.raw"])
+def test_damage_to_indexed_files_is_refused_or_read(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0)
+    seed = real_file(name) if name in REAL else seed_file(name, tmp_path)
+    (tmp_path / "damaged").mkdir()
+    assert sum(fuzz(seed, tmp_path / "damaged", ROUNDS, np.random.default_rng(0)).values()) == ROUNDS
+
+
+def test_a_slip_of_ours_is_told_from_a_library_that_asserts():
+    with pytest.raises(RecordingError) as ours:
+        write_recording(recording_of_events(make_events(3)), "a.xyz")
+    with pytest.raises(ValueError) as theirs:
+        np.array([1, 2]).reshape(3)
+    with pytest.raises(ValueError) as of_scipy:
+        scipy.io.loadmat(io.BytesIO(b"no MATLAB file" * 100))
+    assert is_ours(ours.value)
+    assert not is_ours(of_scipy.value)
+    assert not is_ours(theirs.value)
 
 
 @pytest.mark.slow

@@ -40,3 +40,24 @@ def test_robust_ignores_one_pixel_in_a_thousand():
 @pytest.mark.parametrize("tone", ["raw", "gamma", "robust"])
 def test_flat_and_broken_frames_still_give_a_picture(frame, tone):
     assert tone_map(frame, tone, True).shape == (3, 4)
+
+
+def test_auto_hdr_takes_the_frames_own_black_and_white_but_blows_no_flat_frame_up():
+    frame = np.linspace(0.2, 0.7, 100, dtype=np.float32).reshape(10, 10)
+    grey = tone_map(frame, "hdr", is_linear_light=False)
+    assert (grey.min(), grey.max()) == (0, 255)
+    flat = tone_map(np.full((4, 4), 0.5, np.float32), "hdr", is_linear_light=False)
+    assert flat[0, 0] == pytest.approx(127.5, abs=0.5)
+
+
+def test_local_contrast_shows_what_a_global_scale_hides():
+    rows, columns = np.mgrid[:64, :64]
+    dark = 0.1 + 0.02 * ((rows // 4 + columns // 4) % 2)
+    frame = np.where(columns < 32, dark, dark + 0.8).astype(np.float32)
+    plain, local = (tone_map(frame, tone, is_linear_light=False) for tone in ("raw", "clahe"))
+    assert local[:, 4:12].std() > 1.5 * plain[:, 4:12].std()
+
+
+@pytest.mark.parametrize("tone", ["hdr", "clahe"])
+def test_every_tone_takes_any_frame(tone):
+    assert tone_map(np.full((9, 7), np.nan, np.float32), tone, is_linear_light=True).shape == (9, 7)

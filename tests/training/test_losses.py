@@ -59,11 +59,11 @@ def test_a_constant_offset_has_no_gradient_error(images: torch.Tensor):
 
 
 def test_the_total_is_the_weighted_sum_of_the_terms(images: torch.Tensor):
-    config = LossConfig(perceptual=0.7, l1=0.2, gradient=0.4, tone=0.3, temporal=0.5)
+    config = LossConfig(perceptual=0.7, l1=0.2, gradient=0.4, tone=0.3, context=0.6, temporal=0.5)
     pairs = Pairs(torch.tensor([0]), torch.tensor([1]), torch.zeros(1, 2, 40, 48))
-    terms = score(images, images.flip(0), config, load_lpips(), pairs)
+    terms = score(images, images.flip(0), config, load_lpips(), pairs, torch.tensor(0.25))
     expected = 0.7 * terms.perceptual + 0.2 * terms.l1 + 0.4 * terms.gradient + 0.3 * terms.tone
-    expected = expected + 0.5 * terms.temporal
+    expected = expected + 0.6 * 0.25 + 0.5 * terms.temporal
     assert torch.allclose(terms.total, expected)
     assert min(terms.numbers().values()) > 0
 

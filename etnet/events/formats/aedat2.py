@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from etnet.errors import RecordingError
+from etnet.events.cache import FrameCache
 from etnet.events.events import Sensor
+from etnet.events.formats.aedat2_samples import Samples, first_pixel
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.collect import Decoded, collect
 from etnet.events.formats.words import unrolled
@@ -19,6 +21,9 @@ from etnet.events.formats.words import unrolled
 _DVS128 = Sensor(128, 128)
 _CHIPS = (("davis240", Sensor(240, 180)), ("davis346", Sensor(346, 260)), ("dvs128", _DVS128))
 _BLOCK = 1 << 17
+_LOOK = 1 << 21
+"""Words at the file's beginning from which the order of the picture's readout is judged; a dozen pictures."""
+
 _PERIOD = 1 << 32
 _LONGEST_HEADER = 1 << 18
 
@@ -27,7 +32,7 @@ _LONGEST_HEADER = 1 << 18
 class _Other:
     """Words that are no change events."""
 
-    num_samples: int = 0
+    samples: Samples
     num_external: int = 0
 
 
@@ -58,15 +63,19 @@ def _open(request: Request) -> Opened:
     if sensor is None:
         sensor = _judged_sensor(words, request, remarks)
     remarks.assumed("y is counted from the bottom, as jAER does, and was turned over; x is as stored")
-    other = _Other()
+    start = words[:_LOOK].astype(np.int64)
+    first = None if sensor == _DVS128 else first_pixel(start[:, 0], start[:, 1], sensor)
+    other = _Other(Samples(sensor, first, FrameCache(request.scratch)))
     collected = collect(request, _pieces(words, sensor, other), sensor, remarks)
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    if other.num_samples:
-        remarks.detected(f"{other.num_samples} samples of the camera's pictures or motion, which are not read further")
+    truth, inertial = other.samples.truth(remarks), other.samples.motion.inertial(remarks)
+    if inertial is not None:
+        remarks.assumed("motion is scaled for ±4 g and ±500 °/s, jAER's usual ranges")
     if other.num_external:
         remarks.detected(f"{other.num_external} external triggers, which are not read further")
-    return Opened("AEDAT 2.0", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+    kept = tuple(remarks.kept)
+    return Opened("AEDAT 2.0", collected.source, collected.sensor, collected.span, kept, truth, inertial)
 
 
 def _judged_sensor(words: np.ndarray, request: Request, remarks: Remarks) -> Sensor:
@@ -98,7 +107,7 @@ def _pieces(words: np.ndarray, sensor: Sensor, other: _Other) -> Iterator[Decode
             x, y, p = (address >> 1) & 0x7F, (address >> 8) & 0x7F, 1 - (address & 1)
         else:
             is_sample, is_external = (address >> 31) == 1, ((address >> 10) & 1) == 1
-            other.num_samples += int(np.count_nonzero(is_sample))
+            other.samples.take(address[is_sample], t[is_sample])
             other.num_external += int(np.count_nonzero(is_external & ~is_sample))
             is_event = ~(is_sample | is_external)
             address, t = address[is_event], t[is_event]

@@ -15,6 +15,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.collect import collect
+from etnet.events.formats.inertial import InertialTable
 from etnet.events.formats.packets import Packets
 from etnet.events.formats.pictures import in_order
 from etnet.events.recording import GroundTruth
@@ -28,7 +29,7 @@ class _Others:
 
     frames: FrameCache
     stamps: list[int] = field(default_factory=list)
-    num_inertial: int = 0
+    motion: InertialTable = field(default_factory=InertialTable)
     num_triggers: int = 0
     num_odd_frames: int = 0
     first: np.ndarray | None = None
@@ -57,9 +58,8 @@ def _open(request: Request) -> Opened:
     if packets.break_off is not None:
         remarks.repaired(packets.break_off)
     _say(others, collected.source.num_events, remarks)
-    return Opened(
-        "AEDAT4", collected.source, collected.sensor, collected.span, tuple(remarks.kept), _truth(others, remarks)
-    )
+    truth, inertial = _truth(others, remarks), others.motion.inertial(remarks)
+    return Opened("AEDAT4", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth, inertial)
 
 
 def _next_events(decoder: aedat.Decoder, wanted: int | None, frames: int | None, others: _Others) -> np.ndarray | None:
@@ -70,10 +70,17 @@ def _next_events(decoder: aedat.Decoder, wanted: int | None, frames: int | None,
         if "frame" in packet and packet["stream_id"] == frames:
             _keep_frame(packet["frame"], others)
         elif "imus" in packet:
-            others.num_inertial += len(packet["imus"])
+            _keep_motion(packet["imus"], others)
         elif "triggers" in packet:
             others.num_triggers += len(packet["triggers"])
     return None
+
+
+def _keep_motion(samples: np.ndarray, others: _Others) -> None:
+    acceleration, rotation = (
+        np.stack([samples[f"{what}_{axis}"] for axis in "xyz"], 1) for what in ("accelerometer", "gyroscope")
+    )
+    others.motion.add(samples["t"].astype(np.int64), acceleration, rotation)
 
 
 def _keep_frame(frame: dict[str, Any], others: _Others) -> None:
@@ -103,9 +110,8 @@ def _say(others: _Others, num_events: int, remarks: Remarks) -> None:
         remarks.detected("there are frames and no events")
     if others.num_odd_frames:
         remarks.repaired(f"{others.num_odd_frames} frames of another size or type were left out")
-    for number, what in ((others.num_inertial, "inertial samples"), (others.num_triggers, "triggers")):
-        if number:
-            remarks.detected(f"{number} {what}, which are not read further")
+    if others.num_triggers:
+        remarks.detected(f"{others.num_triggers} triggers, which are not read further")
 
 
 AEDAT4 = Format("AEDAT4", (".aedat4", ".aedat"), lambda request: request.head[:12] == b"#!AER-DAT4.0", _open)

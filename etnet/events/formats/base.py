@@ -11,7 +11,7 @@ from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Sensor
-from etnet.events.recording import EventSource, GroundTruth, Remark, Span
+from etnet.events.recording import EventSource, GroundTruth, Inertial, Remark, Span
 
 HEAD_BYTES = 4096
 
@@ -21,6 +21,7 @@ class Request:
     """A file to open. `head` is its first bytes (none of a folder), `members` the files in a folder or zip archive.
 
     What a reader opens and must be closed with the recording goes into `resources`; large decoded data into `scratch`.
+    `patience`: seconds that making an index may take; None waits for all of it.
     """
 
     path: Path
@@ -31,6 +32,7 @@ class Request:
     progress: Progress
     resources: ExitStack
     scratch: Scratch
+    patience: float | None = None
 
     @property
     def suffix(self) -> str:
@@ -48,6 +50,7 @@ class Opened:
     span: Span
     remarks: tuple[Remark, ...] = ()
     ground_truth: GroundTruth | None = None
+    inertial: Inertial | None = None
 
 
 @dataclass(frozen=True)

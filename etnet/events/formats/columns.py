@@ -45,7 +45,7 @@ def stamps_in_microseconds(values: Shaped[np.ndarray, " n"], unit: TimeUnit, nam
     if values.dtype.kind not in "iu":
         raise RecordingError(f"{name}: its stamps are of type {values.dtype}; numbers are wanted")
     limit = LARGEST_STAMP // max(1, 10**6 // _PER_SECOND[unit])
-    if len(values) and (int(values.max()) >= limit or int(values.min()) <= -limit):
+    if values.dtype.itemsize > 4 and len(values) and (int(values.max()) >= limit or int(values.min()) <= -limit):
         raise RecordingError(f"{name}: stamps up to {values.max()} {unit} do not fit 64 bits of µs; mend the file")
     stamps = values.astype(np.int64)
     if unit == "ns":

@@ -35,9 +35,11 @@ def _open_event_utils(request: Request, file, paths: tuple[str, str, str, str]) 
     is_seconds = t.dtype.kind == "f" and request.assume.time_unit is None
     unit = "s" if is_seconds else guessed_unit(t[: min(len(t), 4096)], request.assume, remarks)
 
+    def stamps(start: int, stop: int) -> np.ndarray:
+        return stamps_in_microseconds(t[start:stop], unit, request.name)
+
     def read(start: int, stop: int) -> Decoded:
-        stamps = stamps_in_microseconds(t[start:stop], unit, request.name)
-        return Decoded(x[start:stop], y[start:stop], stamps, p[start:stop])
+        return Decoded(x[start:stop], y[start:stop], stamps(start, stop), p[start:stop])
 
     truth = numbered_frames(file, request.name, unit, remarks)
     declared = _declared_size(file, request.name)
@@ -48,7 +50,7 @@ def _open_event_utils(request: Request, file, paths: tuple[str, str, str, str]) 
     stated_count = file.attrs.get("num_events")
     if stated_count is not None and np.size(stated_count) == 1 and int(stated_count) != len(t):
         remarks.detected(f"the file's attribute says {int(stated_count)} events, its columns hold {len(t)}")
-    collected = paged(request, "event_utils HDF5", len(t), read, declared, remarks)
+    collected = paged(request, "event_utils HDF5", len(t), read, declared, remarks, stamps)
     return Opened("event_utils HDF5", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
 
 
@@ -78,12 +80,16 @@ def _open_dsec(request: Request, file) -> Opened:
         offset = int(value[0])
     unit = "us" if is_dsec and request.assume.time_unit is None else guessed_unit(t[:4096], request.assume, remarks)
 
+    def stamps(start: int, stop: int) -> np.ndarray:
+        values = stamps_in_microseconds(t[start:stop], unit, request.name)
+        values += offset
+        return values
+
     def read(start: int, stop: int) -> Decoded:
-        stamps = stamps_in_microseconds(t[start:stop], unit, request.name) + offset
-        return Decoded(x[start:stop], y[start:stop], stamps, p[start:stop])
+        return Decoded(x[start:stop], y[start:stop], stamps(start, stop), p[start:stop])
 
     kind = "DSEC HDF5" if is_dsec else "HDF5 columns"
-    collected = paged(request, kind, len(t), read, _declared_size(file, request.name), remarks)
+    collected = paged(request, kind, len(t), read, _declared_size(file, request.name), remarks, stamps)
     return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
 
 

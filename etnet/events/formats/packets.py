@@ -11,6 +11,8 @@ from etnet.events.formats.base import Request, contained
 from etnet.events.formats.collect import Decoded
 
 _ENOUGH = 1 << 17
+_LARGE = 1 << 13
+"""A packet of so many events is worth a call of its own, and is not copied to join others."""
 
 
 class Packets:
@@ -36,6 +38,10 @@ class Packets:
         held = Decoded(x, y, t, p)
         num_held = 0
         while (packet := self._next()) is not None:
+            if num_held == 0 and _LARGE <= len(packet) <= _ENOUGH:
+                fraction = self.num_events * self._bytes_per_event / self._size
+                yield Decoded(packet["x"], packet["y"], packet["t"], packet["on"], fraction)
+                continue
             for start in range(0, len(packet), _ENOUGH):
                 part = packet[start : start + _ENOUGH]
                 span = slice(num_held, num_held + len(part))

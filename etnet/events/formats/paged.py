@@ -13,7 +13,11 @@ from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.columns import deduced_sensor, pixel_column, signed_polarity
+from etnet.events.formats.stamp_index import StampIndex
 from etnet.events.recording import Span
+
+LONG = 1 << 24
+"""Events from which on a time index is worth its making; below, a dozen looks into the file find any moment."""
 
 PAGE = 1 << 18
 """Events read at once when a whole file is gone through."""
@@ -35,6 +39,11 @@ class PagedSource:
     sensor: Sensor
     read_columns: ReadColumns
     lock: Lock
+    stamps: StampIndex | None = None
+
+    def bracket(self, t: int) -> tuple[int, int] | None:
+        """From the index of a long file, as soon as it is there."""
+        return None if self.stamps is None else self.stamps.bracket(t)
 
     def read(self, start: int, stop: int) -> Events:
         """Read and convert one slice."""
@@ -47,7 +56,7 @@ class PagedSource:
         )
         if not len(raw.x) == len(raw.y) == len(raw.t) == len(raw.p) == stop - start:
             raise RecordingError(f"{name}: columns end before event {stop}; the file may be truncated")
-        _check(events, start, name)
+        check_slice(events, start, name)
         return events
 
     def close(self) -> None:
@@ -61,19 +70,32 @@ def paged(
     read_columns: ReadColumns,
     declared: Sensor | None,
     remarks: Remarks,
+    read_stamps: Callable[[int, int], np.ndarray] | None = None,
 ) -> Collected:
-    """A recording that stays in its file; with `--sort` or `--drop-outside` it is loaded and mended instead."""
+    """A recording that stays in its file; with `--sort` or `--drop-outside` it is loaded and mended instead.
+
+    `read_stamps` reads t alone (µs); by default all columns are read for it.
+    """
     if num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if request.assume.mends:
         return collect(request, _pages(num_events, read_columns), declared, remarks)
     sensor = stated_sensor(request, declared, remarks)
-    probes = _probes(num_events, read_columns, _FEW_PROBES if sensor is not None else _MANY_PROBES)
+    only_stamps = read_stamps or (lambda start, stop: read_columns(start, stop).t)
     if sensor is None:
-        sensor = _probed_sensor(probes, request, num_events, read_columns, remarks)
-    _check_probes(probes, request.name)
-    span = Span(int(read_columns(0, 1).t[0]), int(read_columns(num_events - 1, num_events).t[0]))
-    source = PagedSource(request, what, num_events, sensor, read_columns, Lock())
+        probes = [(start, read_columns(start, stop)) for start, stop in _places(num_events, _MANY_PROBES)]
+        sensor = _probed_sensor([probe for _, probe in probes], request, num_events, read_columns, remarks)
+        _check_probes([(start, probe.t) for start, probe in probes], request.name)
+    else:
+        places = _places(num_events, _FEW_PROBES)
+        _check_probes([(start, only_stamps(start, stop)) for start, stop in places], request.name)
+    span = Span(int(only_stamps(0, 1)[0]), int(only_stamps(num_events - 1, num_events)[0]))
+    lock = Lock()
+    stamps = None
+    if num_events >= LONG:
+        stamps = StampIndex(request, num_events, only_stamps, lock)
+        request.resources.callback(stamps.stop)
+    source = PagedSource(request, what, num_events, sensor, read_columns, lock, stamps)
     return Collected(source, sensor, span)
 
 
@@ -83,32 +105,31 @@ def _pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
         yield read_columns(start, stop)._replace(fraction=stop / num_events)
 
 
-def _probes(num_events: int, read_columns: ReadColumns, most: int) -> list[tuple[int, Decoded]]:
+def _places(num_events: int, most: int) -> list[tuple[int, int]]:
     """A few short slices, spread over the file, first and last events among them."""
     last = max(0, num_events - _PROBE)
     starts = sorted({int(place) for place in np.linspace(0, last, min(most, 1 + num_events // _PROBE))} | {last})
-    return [(start, read_columns(start, min(start + _PROBE, num_events))) for start in starts]
+    return [(start, min(start + _PROBE, num_events)) for start in starts]
 
 
-def _check_probes(probes: list[tuple[int, Decoded]], name: str) -> None:
+def _check_probes(probes: list[tuple[int, np.ndarray]], name: str) -> None:
     before = None
-    for start, probe in probes:
-        if before is not None and start >= before[0] and probe.t[0] < before[1]:
+    for start, t in probes:
+        if before is not None and start >= before[0] and t[0] < before[1]:
             raise RecordingError(
-                f"{name}: time runs back before event {start} ({before[1]} > {probe.t[0]} µs); open it with --sort"
+                f"{name}: time runs back before event {start} ({before[1]} > {t[0]} µs); open it with --sort"
             )
-        before = (start + len(probe.t), int(probe.t[-1]))
+        before = (start + len(t), int(t[-1]))
 
 
 def _probed_sensor(
-    probes: list[tuple[int, Decoded]],
+    pieces: list[Decoded],
     request: Request,
     num_events: int,
     read_columns: ReadColumns,
     remarks: Remarks,
 ) -> Sensor:
     """From all events of a short file, from the probes of a long one (which then must fill a known sensor)."""
-    pieces = [probe for _, probe in probes]
     where = "the events looked at"
     if num_events <= 16 * PAGE:
         pieces, where = list(_pages(num_events, read_columns)), "the events"
@@ -117,7 +138,8 @@ def _probed_sensor(
     return deduced_sensor(reach_x, reach_y, request.name, remarks, where)
 
 
-def _check(events: Events, start: int, name: str) -> None:
+def check_slice(events: Events, start: int, name: str) -> None:
+    """An error that names the first event beyond the sensor, or before its predecessor."""
     if len(events) == 0:
         return
     if events.x.max() >= events.sensor.width or events.y.max() >= events.sensor.height:

@@ -15,6 +15,9 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request, containe
 from etnet.events.formats.collect import Collected, collect
 from etnet.events.formats.packets import Packets
 
+INDEXED_BYTES = 64 << 20
+"""Files from this size on are indexed and read by slice; smaller ones are decoded at once."""
+
 _ROUGH_BYTES = {"2.0": 4, "3.0": 6}
 _UNSTATED = (2048, 2048)
 """What the 11 address bits of an event can reach: given to faery, which needs a size but uses it for nothing."""
@@ -109,7 +112,17 @@ def _open(request: Request) -> Opened:
     remarks = Remarks()
     declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
     kind = f"Prophesee EVT{version[0]}"
-    collected = through_faery(request, kind, declared, _ROUGH_BYTES[version], remarks)
+    if request.path.stat().st_size >= INDEXED_BYTES and not request.assume.drop_outside:
+        # Imported here, for it needs this module's header.
+        from etnet.events.formats.indexed_raw import open_indexed
+
+        collected = open_indexed(request, header, declared, remarks)
+    elif version == "2.0":
+        from etnet.events.formats.indexed_raw import decode_all
+
+        collected = decode_all(request, header, declared, remarks)
+    else:
+        collected = through_faery(request, kind, declared, _ROUGH_BYTES[version], remarks)
     if "camera" not in header.fields and "plugin_name" in header.fields:
         remarks.detected(f"camera {header.fields['plugin_name']}")
     return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))

@@ -94,19 +94,20 @@ def forty_bits(events: Events) -> bytes:
     return b"".join(struct.pack(">BBI", x, y, (int(p > 0) << 23 | t) << 8)[:5] for x, y, p, t in words)
 
 
-def test_davis_aedat2_keeps_events_and_counts_the_rest(tmp_path):
+def test_davis_aedat2_keeps_events_and_tells_of_the_rest(tmp_path):
     words = b""
     for i, (x, y, t, p) in enumerate(zip(EVENTS.x, EVENTS.y, EVENTS.t, EVENTS.p, strict=True)):
         row = 180 - 1 - int(y)
         words += struct.pack(">II", row << 22 | int(x) << 12 | int(p > 0) << 11, int(t))
         if i % 10 == 0:
-            words += struct.pack(">II", 1 << 31 | 5, int(t)) + struct.pack(">II", 1 << 10, int(t))
+            words += struct.pack(">II", 1 << 31 | 1 << 10, int(t)) + struct.pack(">II", 1 << 10, int(t))
     path = tmp_path / "a.aedat"
     path.write_bytes(b"#!AER-DAT2.0\r\n# AEChip: eu.seebetter.ini.chips.davis.Davis240C\r\n" + words)
     with open_recording(path) as recording:
         assert str(recording.sensor) == "240×180"
         assert_holds(recording)
-        assert any("20 samples" in remark.text for remark in recording.remarks)
+        assert recording.ground_truth is None
+        assert any("20 pictures" in remark.text for remark in recording.remarks)
         assert any("20 external" in remark.text for remark in recording.remarks)
 
 

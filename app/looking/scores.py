@@ -1,0 +1,184 @@
+"""How good a lane's frames are: one moment, a strip over time, or a protocol replayed from a cold start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from app.compare_view import Rule
+from app.present.shared import Shared
+from app.studio import Stage
+from app.wishes import Wish
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from etnet.evaluation.evaluate import Judges
+    from etnet.evaluation.match import Pair
+
+MOST_WINDOWS = 600
+"""A plan of so many windows is scored whole; of a longer one, the windows whose frames exist."""
+Values = Mapping[str, float]
+"""Measure → value. "mse", "ssim", "lpips" only where there is a camera frame to hold against."""
+
+_SCORES = Shared(4 << 20)
+"""Values by what they depend on: a strip that is asked anew takes up where it was."""
+
+
+@dataclass(frozen=True, slots=True)
+class MomentScore:
+    """A study: one frame's values, against a camera frame where `frame` names one."""
+
+    wish: Wish
+    rule: Rule
+    frame: int | None
+
+    def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[Values, float]]:
+        """One answer."""
+        yield _values(stage, self.wish, self.wish.index, self.rule, self.frame, cancelled), 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StripScores:
+    """A lane's values over time, as far as they are known, in the order of time.
+
+    `lags`: µs by which the camera frame is later than the window's end (0 without camera). `num_wanted`: how many
+    there will be. `is_sparse`: the plan is too long to be scored whole.
+    """
+
+    indices: Int64[np.ndarray, " n"]
+    stamps: Int64[np.ndarray, " n"]
+    lags: Int64[np.ndarray, " n"]
+    values: Mapping[str, Float64[np.ndarray, " n"]]
+    num_wanted: int
+    is_sparse: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A study: every window that ends near a camera frame (every window without a camera), one after the other.
+
+    Those whose frames exist come first. `num_seen` tells one question about a long plan from the next: how many of
+    its frames existed when it was asked; of a short plan all are made, and it is −1.
+    """
+
+    wish: Wish
+    rule: Rule
+    offset: int = 0
+    num_seen: int = -1
+
+    def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[StripScores, float]]:
+        """An answer a window."""
+        playback = stage.playback
+        is_sparse = len(playback.windows) > MOST_WINDOWS
+        pairs = _pairs(stage, is_sparse, self.offset)
+        order = sorted(pairs, key=lambda pair: (not playback.has_frame(pair.prediction), pair.prediction))
+        found: dict[int, tuple[Pair, Values]] = {}
+        if not order:
+            yield _strip(stage, found, 0, is_sparse), 1.0
+        for done, pair in enumerate(order, start=1):
+            frame = pair.frame if pair.frame >= 0 else None
+            found[pair.prediction] = pair, _values(stage, self.wish, pair.prediction, self.rule, frame, cancelled)
+            yield _strip(stage, found, len(order), is_sparse), done / len(order)
+
+
+@dataclass(frozen=True, slots=True)
+class ProtocolRun:
+    """A study: what `etnet evaluate` does with this network and recording, to the last digit."""
+
+    wish: Wish
+    rule: Rule
+
+    def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[Any, float]]:
+        """The scores so far, after every window that is fed."""
+        from etnet.evaluation.evaluate import Evaluation
+        from etnet.evaluation.protocol import PROTOCOLS
+
+        playback = stage.playback
+        evaluation = Evaluation(playback.model, playback.recording, PROTOCOLS[self.rule], _judges())
+        for share in evaluation.run():
+            yield evaluation.scores(), share
+
+
+def _pairs(stage: Stage, is_sparse: bool, offset: int) -> list[Pair]:
+    """Windows and camera frames that belong together; frame −1 where a recording has no camera."""
+    from etnet.evaluation.match import Pair, pair_by_stamp
+
+    playback, truth = stage.playback, stage.playback.recording.ground_truth
+    held = [index for part in playback.cached().frames for index in part][:MOST_WINDOWS]
+    indices = held if is_sparse else list(range(len(playback.windows)))
+    if truth is None or len(truth) < 2:
+        return [Pair(index, -1, 0) for index in indices]
+    stamps = [playback.windows[index].t_stop for index in indices]
+    nearest = int(np.median(np.diff(truth.stamps))) // 2
+    return [
+        pair._replace(prediction=indices[pair.prediction])
+        for pair in pair_by_stamp(stamps, truth.stamps, nearest, offset)
+    ]
+
+
+def _strip(stage: Stage, found: Mapping[int, tuple[Pair, Values]], num_wanted: int, is_sparse: bool) -> StripScores:
+    indices = sorted(found)
+    windows = [stage.playback.windows[index] for index in indices]
+    names = dict.fromkeys(name for _, values in found.values() for name in values)
+    columns = {name: np.array([found[i][1].get(name, np.nan) for i in indices], np.float64) for name in names}
+    num_events = np.array([window.num_events for window in windows], np.float64)
+    columns["rate"] = num_events * 1e6 / np.array([max(window.t_stop - window.t_start, 1) for window in windows])
+    columns["density"] = num_events / stage.playback.recording.sensor.num_pixels
+    return StripScores(
+        np.array(indices, np.int64),
+        np.array([window.t_stop for window in windows], np.int64),
+        np.array([found[index][0].lag for index in indices], np.int64),
+        columns,
+        num_wanted,
+        is_sparse,
+    )
+
+
+def _values(
+    stage: Stage, wish: Wish, index: int, rule: Rule, frame: int | None, cancelled: Callable[[], bool]
+) -> Values:
+    wish = replace(wish, index=index, wants_attention=False)
+    key = (wish, stage.contract, rule, frame)
+    return _SCORES.get(key, lambda: _judged(stage, wish, rule, frame, cancelled), lambda values: 64 * len(values))
+
+
+def _judged(stage: Stage, wish: Wish, rule: Rule, frame: int | None, cancelled: Callable[[], bool]) -> Values:
+    import torch
+
+    from etnet.evaluation.evaluate import FrameJudge
+    from etnet.evaluation.lpips import MIN_SIDE
+    from etnet.evaluation.metrics import contrast, sharpness
+    from etnet.evaluation.protocol import PROTOCOLS
+
+    playback, intervention = stage.playing(wish)
+    raw = playback.frame(wish.index, intervention)
+    if raw is None:
+        raw = playback.at(wish.index, None, intervention, cancelled).frame
+    judge = FrameJudge(PROTOCOLS[rule], _judges())
+    with torch.inference_mode():
+        image = judge.prepare(raw.float().cpu(), getattr(playback.model, "post_processing", "none"))
+        target = None if frame is None else _target(stage, frame)
+        if target is None or target.shape != image.shape or min(image.shape[-2:]) < MIN_SIDE:
+            return {"sharpness": sharpness(image).item(), "contrast": contrast(image).item()}
+        return {str(name): value for name, value in judge.score(image, target, judge.features(target)).items()}
+
+
+def _target(stage: Stage, frame: int) -> Tensor:
+    import torch
+
+    truth = stage.playback.recording.ground_truth
+    assert truth is not None
+    return torch.from_numpy(np.ascontiguousarray(truth.read_frame(frame), np.float32))[None, None]
+
+
+@cache
+def _judges() -> Judges:
+    from etnet.evaluation.evaluate import Judges
+
+    return Judges.default()

@@ -1,0 +1,501 @@
+"""Looking inside: what is asked, what is changed, what is found and how it is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app import inside_view
+from app import intents as ask
+from app.channel import parse
+from app.engine import Engine
+from app.inside_view import (
+    NO_CHANGE,
+    CarryOn,
+    Change,
+    Choose,
+    EditEvents,
+    InsideView,
+    OpenInspector,
+    PinMap,
+    PinnedMap,
+    PutBack,
+    Switch,
+    is_switched,
+    reduce_inside,
+    switched,
+)
+from app.looking import memory, parts, pixel
+from app.panels.base import Page
+from app.panels.inside import inspector_html
+from app.present import AttentionLook, Moment, Tones
+from app.present.attention_tools import attention_tools_html, pinned_html
+from app.present.change import change_html, change_words
+from app.present.given import given_html
+from app.present.links import links_of
+from app.present.matters import attended_html, matters_html
+from app.present.traced import traced_cloud, traced_html
+from app.questions import questions
+from app.scene.links import arc
+from app.scene.space import Space
+from app.studies import Finding
+from app.studio import Pace, Stage
+from app.view_state import Limits, ViewState, reduce
+from app.wishes import Ready, Wish
+from etnet.events.edit import EventEdit
+from etnet.nets.attention import AttentionProbe
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import contract_of
+from etnet.playback.playback import Playback
+from etnet.windows import ByCount, plan_windows
+from tests.inspection.small import EVENTS_A_WINDOW, SENSOR, small_playback
+
+from .fakes import Inbox, Shelf
+from .test_present import PICK, Checker
+
+POLICY = ByCount(EVENTS_A_WINDOW)
+SITE = "scale2.decoder.0.cross"
+QUERY = (20, 9)
+PARTS = ("tpa", "uniform", "decoders", "scale 3", "skip 0", "zero 1", "freeze 2", f"site {SITE}", f"alike {SITE}",
+         f"head {SITE} 3")  # fmt: skip
+NONSENSE = ("", "skip", "skip 9", "skip -1", "head x 1", f"head {SITE}", f"head {SITE} 99", "tpa 1", "scale 1 2")
+
+
+def stage_of(preset="tiny"):
+    playback = small_playback(preset)
+    return Stage(playback, contract_of(playback.model), 4, Pace(), 1.0)
+
+
+def wish_of(index, **more):
+    return Wish("r", "m", "fp32", POLICY, index, **more)
+
+
+def whole(study, stage):
+    return [answer for answer, _ in study.run(stage, lambda: False)][-1]
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return stage_of()
+
+
+@pytest.fixture(scope="module")
+def ready(stage):
+    step = stage.playback.at(5, AttentionProbe())
+    return Ready(wish_of(5), step.frame[0, 0].numpy(), step.attention, 1.0, True, False, False, stage.contract, 5)
+
+
+def moment_of(stage):
+    return Moment("r", POLICY, 5, stage.playback.recording, stage.playback.windows)
+
+
+@pytest.fixture
+def moment(stage):
+    return moment_of(stage)
+
+
+# ---- what is asked and changed ----
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_that_is_switched_twice_is_as_it_was(part):
+    once = switched(ORIGINAL, part)
+    assert once != ORIGINAL
+    assert is_switched(once, part)
+    assert not is_switched(ORIGINAL, part)
+    assert switched(once, part) == ORIGINAL
+
+
+@pytest.mark.parametrize("part", NONSENSE)
+def test_a_part_that_does_not_exist_changes_nothing(part):
+    assert switched(ORIGINAL, part) == ORIGINAL
+    assert not is_switched(ORIGINAL, part)
+
+
+ASKED = st.one_of(
+    st.builds(OpenInspector, st.sampled_from(["none", "matters", "change", "evil"])),
+    st.builds(Switch, st.sampled_from([*PARTS, *NONSENSE])),
+    st.builds(EditEvents, st.sampled_from(["drop", "invert", "jitter", "jitter_by", "seed"]), st.floats()),
+    st.builds(CarryOn, st.booleans()),
+    st.builds(PutBack),
+    st.builds(Choose, st.sampled_from(["level", "channel", "gather", "change", "is_linear", "plane"]), st.text()),
+    st.builds(PinMap, st.sampled_from(["a", "b"]), st.just(PinnedMap(SITE, 1, "mean", QUERY))),
+)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(ASKED, max_size=20), st.integers(0, 7))
+def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_all(asked, index):
+    state = ViewState(index=index)
+    for intent in asked:
+        state = reduce(state, intent, Limits())
+        assert 1 <= state.inside.level <= 3
+        assert 0 <= state.inside.change.edit.drop <= 1
+    assert reduce(state, PutBack(), Limits()).inside.change == NO_CHANGE
+    for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
+        assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(ASKED, max_size=20))
+def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(asked):
+    view = InsideView()
+    for intent in asked:
+        view = reduce_inside(view, intent, 3)
+    assert inside_view.restored(inside_view.kept(view)) == view.anew()
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.text(max_size=60)
+    | st.builds("{}:{}".format, st.sampled_from(["pin:a", "edit:drop", "set", "switch"]), st.text())
+)
+def test_a_strange_message_is_understood_or_left_alone_and_never_an_error(text):
+    heard = parse(f"pick|inside:{text}|0.5|0.5|1")
+    assert heard is None or isinstance(heard, inside_view.InsideIntent)
+
+
+def test_a_pin_comes_back_from_its_button_as_it_was():
+    for pinned in (PinnedMap(SITE, 3, "mean", (7, 9)), PinnedMap(SITE, None, "max", (0, 0))):
+        assert inside_view.heard(f"pin:a:{inside_view.pin_text(pinned)}") == PinMap("a", pinned)
+
+
+def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no_beginning():
+    carried = Change(Intervention(zeroed_levels=frozenset({1})), since=4)
+    assert carried.at(3) == NO_CHANGE
+    assert carried.at(4) == carried.at(7) == carried
+    decoding = Change(Intervention(without_context=True), since=4)
+    assert decoding.at(9) == replace(decoding, since=None)
+    assert Change(edit=EventEdit(jitter_by=99), since=2).at(9) == NO_CHANGE
+
+
+def test_nothing_is_asked_of_the_model_while_every_inspector_is_closed():
+    state = ViewState(query=QUERY, inside=InsideView(change=Change(Intervention(without_context=True))))
+    assert not any(slot.startswith("inside") for slot in questions(state, wish_of(3)))
+    opened = replace(state, inside=replace(state.inside, opened="matters"))
+    assert set(questions(opened, wish_of(3))) == {"inside.anatomy", "inside.matters", "inside.attended"}
+
+
+# ---- what the engine makes of a change ----
+
+
+@pytest.fixture
+def engine():
+    shelf = Shelf({"r": small_playback().recording}, build_model("tiny"))
+    running = Engine(shelf, 64 << 20, threads=1, load=shelf.load, prefetches=False)
+    yield running
+    running.stop()
+
+
+def frame_of(engine, wish):
+    inbox = Inbox()
+    engine.request("ada", wish, inbox)
+    return inbox.ready(wish.index)
+
+
+CARRIED = [
+    {"intervention": Intervention(zeroed_levels=frozenset({1, 3}))},
+    {"intervention": Intervention(frozen_levels=frozenset({2}))},
+    {"edit": EventEdit(drop=0.5, invert=0.2, seed=3)},
+]
+
+
+@pytest.mark.parametrize("change", CARRIED, ids=["emptied", "frozen", "edited"])
+@pytest.mark.parametrize("since", [None, 3])
+def test_a_changed_frame_is_the_one_of_a_playback_that_branches_there_and_the_original_comes_back(
+    engine, change, since
+):
+    before = frame_of(engine, wish_of(5))
+    changed = frame_of(engine, wish_of(5, since=since, **change))
+    after = frame_of(engine, wish_of(5))
+    alone = Playback(build_model("tiny"), small_playback().recording, plan_windows(small_playback().recording, POLICY))
+    branch = alone.branch(5 if since is None else since, **change)
+    assert np.array_equal(changed.frame, branch.at(5).frame[0, 0].numpy())
+    assert not np.array_equal(changed.frame, before.frame)
+    assert not changed.is_exact
+    assert np.array_equal(before.frame, after.frame)
+    assert before.is_exact
+    assert after.is_exact
+
+
+def test_a_branch_takes_its_bytes_from_its_playbacks_share():
+    stage = stage_of()
+    stage.budget_bytes = 1 << 20
+    branch, _ = stage.playing(wish_of(5, edit=EventEdit(drop=0.5)))
+    assert stage.playback.budget_bytes + branch.budget_bytes == stage.budget_bytes == 1 << 20
+    assert stage.playing(wish_of(5, edit=EventEdit(drop=0.5)))[0] is branch
+    stage.playing(wish_of(5, edit=EventEdit(drop=0.6)))
+    assert stage.budget_bytes == 1 << 20
+
+
+# ---- what is found ----
+
+
+def test_what_a_part_is_worth_is_the_frame_without_it_minus_the_frame(stage):
+    found = whole(parts.MattersStudy(wish_of(4)), stage)
+    names = [part.name for part in found]
+    assert {"TPA", "attention made uniform", "decoders", "scale 3", "skip 0"} <= set(names)
+    original = stage.playback.at(4).frame
+    without = stage.playback.at(4, intervention=Intervention(without_context=True)).frame
+    assert np.array_equal(found[names.index("TPA")].difference, (without - original)[0, 0].numpy())
+
+
+def test_an_outcome_says_how_far_the_changed_frame_lies_from_the_original(stage):
+    study = parts.OutcomeStudy(wish_of(4, intervention=Intervention(without_context=True)))
+    outcome = whole(study, stage)
+    apart = outcome.changed - outcome.original
+    assert outcome.mse == pytest.approx(float((apart**2).mean()), rel=1e-5)
+    assert outcome.mse > 0
+    assert outcome.lpips is None  # 21 rows are too few for it
+    same = torch.rand(1, 1, 40, 40)
+    assert parts.perceptual(same, same) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("preset", "sites", "levels"), [("tiny", 9, 3), ("e2vid", 0, 3), ("firenet", 0, 0)])
+def test_the_anatomy_is_what_the_network_really_has(preset, sites, levels):
+    model = build_model(preset)
+    found = parts.anatomy(model)
+    assert (len(found.sites), found.num_levels) == (sites, levels)
+    if sites:
+        probed = small_playback(preset).at(0, AttentionProbe()).attention
+        assert set(found.sites) == set(probed.sites)
+        assert found.num_heads == probed.queries[found.sites[0]].shape[0]
+
+
+def test_deeper_memory_is_added_one_depth_after_the_other(stage):
+    answers = [answer for answer, _ in memory.RememberedStudy(wish_of(5)).run(stage, lambda: False)]
+    assert [answer.depths for answer in answers] == [(0,), (0, 1), (0, 1, 2), (0, 1, 2, 4)]
+    assert set(np.unique(answers[-1].needed)) <= {-1, 0, 1, 2, 4}
+    assert len(answers[-1].mean_absolute) == 4
+
+
+# ---- how it is told ----
+
+
+def page_of(state, moment, ready, **findings):
+    found = {f"inside.{name}": Finding(study, value, 1.0, True) for name, (study, value) in findings.items()}
+    return Page(state, moment, ready, look=AttentionLook.of(state, True), findings=found)
+
+
+def test_every_part_has_a_row_and_the_verdict_names_what_decides(stage):
+    found = whole(parts.MattersStudy(wish_of(4)), stage)
+    page = Checker(matters_html(found, "key", query=QUERY, on_pick=PICK))
+    assert len(page.by_testid("part")) == len(found)
+    assert len(page.by_testid("verdict")) == 1
+    x, y = QUERY
+    most = max(found, key=lambda part: abs(part.difference[y, x]))
+    assert f"inside:set:part:{most.name}" in page.keys
+
+
+def test_attention_that_changes_nothing_visible_is_said_to_explain_nothing(stage):
+    found = tuple(
+        replace(part, difference=part.difference * (1e-6 if part.name in ("TPA", "attention made uniform") else 1))
+        for part in whole(parts.MattersStudy(wish_of(4)), stage)
+    )
+    assert "attention explains nothing here" in Checker(matters_html(found, "quiet", query=QUERY)).text
+
+
+def test_what_is_looked_at_stands_beside_what_is_handed_over(stage, ready):
+    attended = whole(parts.AttendedStudy(wish_of(5)), stage)
+    assert set(attended.sinks) == set(ready.attention.sites)
+    page = Checker(attended_html(attended, SITE, AttentionLook(QUERY), "key", base="x"))
+    assert "looked at" in page.text
+    assert "handed over" in page.text
+    assert page.text.count("padding ") >= len(ready.attention.sites)
+
+
+def test_a_switched_button_says_so_and_everything_can_be_put_back(stage):
+    anatomy = parts.anatomy(stage.playback.model)
+    change = Change(
+        Intervention(removed_skips=frozenset({1}), masked_heads=frozenset({(SITE, 2)})), EventEdit(drop=0.5)
+    )
+    html = change_html(
+        anatomy, change, index=4, site=SITE, outcome=None, key=None, tones=Tones(), is_whole=False, on_pick=PICK
+    )
+    page = Checker(html)
+    pressed = {attrs["data-k"] for _, attrs in page.tags if attrs.get("aria-pressed") == "true"}
+    assert {
+        "inside:switch:skip 1",
+        f"inside:switch:head {SITE} 2",
+        "inside:edit:drop:0.5",
+        "inside:carry:off",
+    } <= pressed
+    assert "inside:back" in page.keys
+    assert change_words(change) == "no skip 1/2 · 1 × head muted · 50 % of the events left out"
+
+
+def test_a_network_without_attention_or_memory_says_so(moment):
+    firenet = parts.anatomy(build_model("firenet"))
+    study = parts.AnatomyStudy(wish_of(0))
+    for opened, words in (("change", "has no attention"), ("state", "no ConvLSTM")):
+        state = ViewState(inside=InsideView(opened=opened))
+        assert words in Checker(inspector_html(page_of(state, moment, None, anatomy=(study, firenet)))).text
+    nothing = page_of(ViewState(inside=InsideView(opened="matters")), moment, None, matters=(study, None))
+    assert "Nothing to take away" in Checker(inspector_html(nothing)).text
+
+
+def test_a_map_pinned_twice_differs_from_itself_by_nothing(ready):
+    pinned = PinnedMap(SITE, None, "mean", QUERY)
+    view = InsideView(pin_a=pinned, pin_b=pinned)
+    page = Checker(pinned_html(ready, AttentionLook(QUERY), view, PICK))
+    assert "A and B share 100 % of their weight." in page.text
+    other = replace(view, pin_b=replace(pinned, site="scale1.encoder.0.self", head=1))
+    assert len(page.by_testid("a-minus-b")) == 1
+    assert "head 2" in Checker(pinned_html(ready, AttentionLook(QUERY), other, PICK)).text
+    assert pinned_html(ready, AttentionLook(QUERY), InsideView(), PICK) == ""
+
+
+def test_the_tools_pin_the_map_that_is_opened(ready):
+    look = AttentionLook(QUERY, head=2)
+    page = Checker(attention_tools_html(InsideView(), look, site=SITE, on_pick=PICK))
+    pinned = next(key for key in page.keys if key.startswith("inside:pin:a:"))
+    assert inside_view.heard(pinned.removeprefix("inside:")) == PinMap("a", PinnedMap(SITE, 2, "mean", QUERY))
+
+
+def test_heads_are_sorted_by_what_was_asked_for(ready):
+    from app.present import attention_html
+    from etnet.inspection.entropy import map_numbers
+
+    token = ready.attention.grid.token_at(*QUERY)
+    numbers = map_numbers(ready.attention.rows(SITE, [token]), ready.attention.grid, [token])
+    for order, best in (("entropy", numbers.entropy.argmin()), ("distance", numbers.distance.argmax())):
+        look = AttentionLook(QUERY, order=order)
+        page = Checker(attention_html(ready, look, opened=SITE, on_pick=PICK))
+        heads = [key for key in page.keys if key.startswith("head:") and key != "head:mean"]
+        assert heads[0] == f"head:{int(best)}"
+
+
+def test_who_reads_a_token_is_its_column_of_the_map(ready):
+    from app.present.attention_maps import rows_of
+
+    token = ready.attention.grid.token_at(*QUERY)
+    all_rows = ready.attention.rows(SITE, range(ready.attention.grid.num_tokens))
+    assert np.allclose(rows_of(ready, ready.attention, SITE, QUERY, "read by"), all_rows[..., token].numpy(), atol=1e-6)
+
+
+def test_the_cloud_holds_the_events_that_the_pixel_owes_most(stage):
+    study = pixel.TracedStudy(wish_of(5), QUERY, 2)
+    traced = whole(study, stage)
+    assert [window.index for window in traced.windows] == [3, 4, 5]
+    cloud = traced_cloud(traced, study, 100)
+    assert len(cloud.positions) <= 100
+    assert 0 <= cloud.positions[:, 2].min() <= cloud.positions[:, 2].max() <= 1
+    strongest = max(traced.windows, key=lambda window: np.abs(window.weights).max())
+    place = int(np.abs(strongest.weights).argmax())
+    where = (strongest.events.x[place] + 0.5, strongest.events.y[place] + 0.5)
+    assert any(np.allclose(spot[:2], where) for spot in cloud.positions)
+    assert "within 16 pixels" in Checker(traced_html(traced, study, 2, PICK)).text
+
+
+def test_the_given_tensor_shows_every_event_of_the_pixel_and_its_votes(stage, moment):
+    study = memory.GivenStudy(wish_of(5))
+    given_ = whole(study, stage)
+    assert given_.padded.shape[1:] == (24, 40)
+    assert given_.borders == (2, 1, 1, 1)
+    events = moment.events
+    x, y = int(events.x[10]), int(events.y[10])
+    page = Checker(given_html(given_, study, moment, (x, y), False))
+    num_here = int(((events.x == x) & (events.y == y)).sum())
+    assert sum(tag == "line" for tag, _ in page.tags) == num_here + 1
+    votes = given_.padded[:, y + 2, x + 1]
+    assert votes.sum() == pytest.approx(events.p[(events.x == x) & (events.y == y)].sum(), abs=1e-5)
+    assert f"token {stage.playback.at(5, AttentionProbe()).attention.grid.token_at(x, y)} of 15" in page.text
+
+
+@pytest.mark.parametrize("plane", ["hidden", "cell", "enter", "forget", "out", "candidate"])
+def test_channels_come_by_energy_in_the_networks_own_numbers(stage, moment, plane):
+    study = memory.ChannelsStudy(wish_of(5), 2, plane)
+    channels = whole(study, stage)
+    assert (np.diff(channels.energy) <= 0).all()
+    if plane == "hidden":
+        hidden = stage.playback.state(5).tensors[2][0]
+        assert np.array_equal(channels.values[0], hidden[int(channels.order[0])].numpy())
+    state = ViewState(query=QUERY, inside=InsideView(opened="state", plane=plane, level=2, channel=1))
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, channels=(study, channels))))
+    assert "no. 2 by energy" in page.text
+
+
+def test_the_memory_of_the_clicked_pixel_is_said(stage, moment):
+    study = memory.RememberedStudy(wish_of(5))
+    found = whole(study, stage)
+    state = ViewState(query=QUERY, index=5, inside=InsideView(opened="memory"))
+    page = Checker(inspector_html(page_of(state, moment, None, remembered=(study, found))))
+    needs = int(found.needed[QUERY[1], QUERY[0]])
+    words = {-1: "more than 4 windows", 0: "no window", 1: "1 window"}
+    said = f"needs {words.get(needs, f'{needs} windows')} before"
+    assert f"Pixel {QUERY} {said}" in page.text
+
+
+def test_what_is_rolled_out_is_the_librarys_and_sums_to_one(stage, ready):
+    from etnet.inspection.rollout import rollout
+
+    study = pixel.RolledOutStudy(wish_of(5), QUERY, 0.5)
+    rolled = whole(study, stage)
+    expected = rollout(ready.attention, ready.attention.grid.token_at(*QUERY), 0.5)
+    assert np.allclose(rolled.weights, expected.weights.numpy(), atol=1e-6)
+    state = ViewState(query=QUERY, index=5, inside=InsideView(opened="rollout", discard=50))
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(stage), ready, anatomy=anatomy, rolled=(study, rolled))))
+    assert "sums to 1.0000" in page.text
+    assert len(page.by_testid("by-scale")) == 1
+
+
+def test_what_is_followed_ends_in_the_map_of_the_window_on_show(stage, ready):
+    study = pixel.FollowedStudy(wish_of(5), QUERY, SITE)
+    followed = whole(study, stage)
+    assert followed.indices == tuple(range(6))
+    grid = ready.attention.grid
+    token = grid.token_at(*QUERY)
+    row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
+    assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
+    state = ViewState(query=QUERY, index=5, site=SITE, inside=InsideView(opened="time"))
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(stage), ready, anatomy=anatomy, followed=(study, followed))))
+    assert f"now {followed.entropy[-1]:.2f} bits" in page.text
+
+
+@pytest.mark.parametrize("opened", ["rollout", "time"])
+def test_paths_of_attention_say_so_where_there_is_none(moment, opened):
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(build_model("e2vid")))
+    state = ViewState(query=QUERY, inside=InsideView(opened=opened))
+    assert "made of convolutions alone" in Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy))).text
+
+
+def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
+    links = links_of(ready, QUERY)
+    assert [link.scale for link in links] == sorted((link.scale for link in links), reverse=True)
+    space = Space(SENSOR)
+    pieces = arc(space, QUERY, links[0].pixel)
+    ends = space.place(np.array([[*QUERY, 0], [*links[0].pixel, 0]], np.float32) + np.float32([0.5, 0.5, 0]))
+    assert np.allclose(pieces[0, 0, :2], ends[0, :2])
+    assert np.allclose(pieces[-1, 1, :2], ends[1, :2], atol=1e-5)
+    assert np.array_equal(pieces[1:, 0], pieces[:-1, 1])
+    assert (pieces[..., 2] < 0).all()
+    assert links_of(None, QUERY) == links_of(ready, None) == ()
+
+
+def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(stage, moment):
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    study = parts.OutcomeStudy(wish_of(5, intervention=Intervention(without_context=True)))
+    for removed, is_answer in ((frozenset(), True), (frozenset({1}), False)):
+        change = Change(Intervention(without_context=True, removed_skips=removed))
+        state = ViewState(index=5, inside=InsideView(opened="change", change=change))
+        page = page_of(state, moment, None, anatomy=anatomy, outcome=(study, whole(study, stage)))
+        assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
+
+
+def test_norms_are_those_of_the_states(stage, moment):
+    study = memory.NormsStudy(wish_of(5))
+    norms = whole(study, stage)
+    assert norms.indices == tuple(range(6))
+    cell = stage.playback.state(5).tensors[3]
+    assert norms.cell[-1, 1] == pytest.approx(float(cell.square().mean().sqrt()), rel=1e-5)
+    anatomy = (parts.AnatomyStudy(wish_of(0)), parts.anatomy(stage.playback.model))
+    state = ViewState(index=5, inside=InsideView(opened="state"))
+    page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, norms=(study, norms))))
+    assert "in the last 6 windows" in page.text

@@ -1,0 +1,154 @@
+"""Three lanes on a real recording, in a real browser: they follow the slider, and the strip holds the right numbers."""
+
+import re
+
+import numpy as np
+import pytest
+import torch
+
+from app.config import ViewerConfig
+from app.main import Viewer
+from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
+from etnet.evaluation.protocol import PAPER
+from etnet.events.open import open_recording
+from etnet.events.view import View
+from etnet.nets.presets import build_model
+from etnet.nets.weights import load_model, save_weights
+from etnet.reconstruction import reconstruct
+from etnet.windows import BetweenFrames
+from tests.browser.chromium import open_page, until_window
+from tests.real_data import real_file
+
+ROI = (60, 40, 64, 48)
+"""A small part of the sensor: a whole strip is then filled in seconds."""
+
+
+@pytest.fixture(scope="module")
+def recording_file():
+    return real_file("ecd_slider_depth/slider_depth.zip")
+
+
+@pytest.fixture(scope="module")
+def desk(browser, recording_file, tmp_path_factory):
+    """A viewer on the real recording, with a network of somebody's own in the data folder."""
+    folder = tmp_path_factory.mktemp("data")
+    save_weights(build_model("firenet"), folder / "mine.safetensors", {"title": "my network"}, dtype=None)
+    config = ViewerConfig(
+        file=recording_file, data=folder, port=0, precision="fp32", threads=1, roi=",".join(map(str, ROI))
+    )
+    running = Viewer(config)
+    yield running, folder / "mine.safetensors"
+    running.stop()
+
+
+@pytest.fixture(scope="module")
+def page(browser, desk):
+    opened = open_page(browser, desk[0].url, 1600, 900)
+    until_window(opened, 20)
+    opened.get_by_role("tab", name="Compare").click()
+    yield opened
+    assert opened.errors == []
+    opened.context.close()
+
+
+def choose(page, label, option):
+    page.get_by_label(label, exact=True).first.click()
+    page.get_by_role("option", name=option, exact=True).first.click()
+
+
+@pytest.fixture(scope="module")
+def lanes(page):
+    """The default network, somebody's own, and the default one over other windows."""
+    choose(page, "Compare", "lanes at this moment")
+    page.get_by_test_id("lane-A").wait_for()
+    page.get_by_role("button", name="Add a lane").click()
+    page.get_by_test_id("lane-B").wait_for()
+    choose(page, "Network", "my network")
+    page.get_by_role("button", name="Add a lane").click()
+    page.get_by_test_id("lane-C").wait_for()
+    choose(page, "Windows by", "milliseconds")
+    page.get_by_test_id("lane-C").get_by_text("every 20 ms").wait_for()
+    return page
+
+
+@pytest.fixture(scope="module")
+def expected(desk, recording_file):
+    """What plain loops over both networks give between frames, and the judge's values of every frame."""
+    judge, found = FrameJudge(PAPER, Judges.default()), {}
+    with open_recording(recording_file, view=View(ROI, 1)) as recording:
+        truth = recording.ground_truth
+        targets = [torch.from_numpy(np.ascontiguousarray(truth.read_frame(i)))[None, None] for i in range(len(truth))]
+        for name, source in (("A", "etnet-half"), ("B", desk[1])):
+            found[name] = [
+                judge.score(step.frame, targets[window.index + 1], judge.features(targets[window.index + 1]))
+                for window, step in reconstruct(load_model(source), recording, BetweenFrames())
+            ]
+        cut = evaluate(load_model("etnet-half"), recording, PAPER)
+    return found, cut
+
+
+def figures(page, name):
+    page.get_by_test_id(f"figures-{name}").wait_for()
+    return [float(part) for part in re.findall(r"[\d.]+$", page.get_by_test_id(f"figures-{name}").inner_text(), re.M)]
+
+
+def test_three_lanes_scrub_together_with_the_right_numbers(lanes, expected):
+    lanes.locator("body").press("j")
+    for index in (19, 18):
+        until_window(lanes, index)
+        for name in "AB":
+            lanes.get_by_alt_text(f"Lane {name}: window {index}", exact=True).wait_for()
+            lanes.get_by_test_id(f"figures-{name}").wait_for()
+            wanted = [expected[0][name][index][measure] for measure in ("mse", "ssim", "lpips")]
+            assert figures(lanes, name) == pytest.approx(wanted, abs=6e-4)
+        lanes.get_by_test_id("figures-C").wait_for()
+        lanes.locator("body").press("j")
+
+
+@pytest.mark.parametrize("sight", ["wiped over each other", "their difference", "error against the camera"])
+def test_each_way_of_showing_draws_pictures(lanes, sight):
+    choose(lanes, "Show", sight)
+    lanes.get_by_test_id("figures-A").wait_for()
+    mark = {"wiped over each other": "wipe", "their difference": "difference"}.get(sight, "lane-camera")
+    assert lanes.get_by_test_id(mark).bounding_box()["height"] > 10
+    sizes = lanes.get_by_test_id("lanes").locator("img").evaluate_all("all => all.map(image => image.naturalWidth)")
+    assert len(sizes) >= 1
+    assert min(sizes) > 0
+    choose(lanes, "Show", "side by side")
+
+
+def test_the_strip_is_filled_and_right_and_a_click_on_the_worst_frame_goes_there(lanes, expected):
+    choose(lanes, "Compare", "scores over time")
+    for name in "ABC":
+        lanes.get_by_test_id(f"series-{name}").get_by_text(re.compile(r"\d scored$")).wait_for(timeout=120_000)
+    for name in "AB":
+        wanted = np.array([values["lpips"] for values in expected[0][name]])
+        shown = float(lanes.get_by_test_id(f"mean-{name}-lpips").get_attribute("data-value"))
+        assert shown == pytest.approx(wanted.mean(), rel=1e-6)
+    assert lanes.locator("[data-testid=strip] path[data-lane]").count() == 3
+    assert lanes.locator("[data-testid=chart] path[data-lane]").count() == 3
+    first = lanes.get_by_test_id("worst").locator("button").first
+    seconds = float(first.inner_text().split(" s")[0])
+    first.click()
+    lanes.get_by_test_id("time").get_by_text(re.compile(r"\d")).wait_for()
+    lanes.wait_for_timeout(700)
+    assert float(lanes.get_by_test_id("time").inner_text().split(" s")[0]) == pytest.approx(seconds, abs=0.02)
+
+
+def test_the_protocols_own_run_shows_what_the_command_line_prints(lanes, expected):
+    lanes.get_by_label("Replay the protocol’s own cut").click()
+    lanes.get_by_test_id("series-A").get_by_text("37 scored", exact=False).wait_for(timeout=120_000)
+    lanes.get_by_test_id("series-A").get_by_text(re.compile(r"\d scored$")).wait_for(timeout=120_000)
+    for measure in ("mse", "ssim", "lpips", "temporal"):
+        shown = float(lanes.get_by_test_id(f"mean-A-{measure}").get_attribute("data-value"))
+        assert shown == pytest.approx(expected[1].mean(measure), rel=1e-5)
+    lanes.get_by_label("Replay the protocol’s own cut").click()
+
+
+def test_what_kind_of_recording_it_is_is_told(lanes):
+    choose(lanes, "Compare", "what kind of recording this is")
+    lanes.get_by_test_id("fit-contrast threshold").wait_for()
+    assert "0.1 to 1 inside" in lanes.get_by_test_id("fit-events per pixel").inner_text()
+    assert "not on the card" in lanes.get_by_test_id("fit-noise").inner_text()
+    lanes.get_by_role("button", name="Compare with a lane of cleaned events").click()
+    lanes.get_by_test_id("lane-D").get_by_text("without hot pixels").wait_for()
