@@ -12,7 +12,7 @@ from app import intents as ask
 from app.compare_view import CompareIntent
 from app.inside_view import InsideIntent
 from app.show_view import Act, PointAt, ShowView
-from app.view_state import Limits, ViewState
+from app.view_state import ViewState
 
 IDLE = 60.0
 """Seconds without a touch after which the page belongs to the next visitor."""
@@ -22,7 +22,7 @@ BURST = 240.0
 MOST_VISITORS = 24
 """At once: what two cores keep up with when all of them only watch."""
 STALLED = 20.0
-"""Seconds after which an act ends though its recording never came up."""
+"""Seconds after which an act ends though its first image never came."""
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
 """Where the third act looks from, as fractions of the picture."""
@@ -71,8 +71,11 @@ class Attract:
         was_leading, self._touched_at = self.is_leading, now
         return was_leading
 
-    def due(self, limits: Limits, now: float) -> Beat | None:
-        """The beat that begins now; `None` while the present one lasts, or a visitor leads."""
+    def due(self, is_up: bool, now: float) -> Beat | None:
+        """The beat that begins now; `None` while the present one lasts, or a visitor leads.
+
+        `is_up`: the recording is there and has its first image.
+        """
         if not self._ids:
             return None
         if self._touched_at is not None:
@@ -81,7 +84,7 @@ class Attract:
             self._touched_at, self._beat, self._beats = None, None, self._rounds()
         beat = self._beat
         if beat is not None:
-            if limits.windows is None and now - self._asked_at < STALLED:
+            if not is_up and now - self._asked_at < STALLED:
                 self._began_at = now  # its time counts from when there is something to see
                 return None
             if now - self._began_at < beat.seconds:
@@ -107,7 +110,14 @@ def intents_of(beat: Beat, state: ViewState) -> tuple[ask.Intent, ...]:
 
 def public_view(default: ViewState) -> ViewState:
     """How a public page begins: large pictures, each shown when the network has made it."""
-    return replace(default, workspace="demo", waits_for_frames=True, map_range="per map", show=ShowView(is_demo=True))
+    return replace(
+        default,
+        workspace="demo",
+        waits_for_frames=True,
+        camera="front",
+        map_range="per map",
+        show=ShowView(is_demo=True),
+    )
 
 
 class Throttle:

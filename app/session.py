@@ -189,7 +189,8 @@ class Session:
 
     def _lead(self) -> None:
         """Go on with the show, where the page is in public and nobody has touched it."""
-        if (stretch := self._showing.lead(self._state, self._limits)) is None:
+        is_up = self._moment() is not None and self._answers.ready is not None
+        if (stretch := self._showing.lead(self._state, is_up)) is None:
             return
         self._state, intents = stretch
         self._arrange()

@@ -57,12 +57,12 @@ class Showing:
             return (PointAt("none"),)
         return ()
 
-    def lead(self, state: ViewState, limits: Limits) -> tuple[ViewState, tuple[ask.Intent, ...]] | None:
-        """The next stretch of the show, when it is due: the view it begins from, and what it asks.
+    def lead(self, state: ViewState, is_up: bool) -> tuple[ViewState, tuple[ask.Intent, ...]] | None:
+        """The next stretch of the show, when it is due: the view it begins from, and what it asks (see `Attract`).
 
         A new recording is shown as to somebody who has just come.
         """
-        beat = None if self._attract is None else self._attract.due(limits, time.monotonic())
+        beat = None if self._attract is None else self._attract.due(is_up, time.monotonic())
         if beat is None:
             return None
         if beat.recording_id is not None:

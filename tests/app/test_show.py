@@ -31,9 +31,9 @@ OPEN = Limits(Sensor(40, 30), [Window(i, i * 10, i * 10 + 10, i * 1000, i * 1000
 def test_the_show_runs_through_all_acts_of_all_recordings_and_begins_again():
     show, now, seen = Attract(["a", "b"]), 0.0, []
     for _ in range(2 * len(beats_of("a")) + 1):
-        beat = show.due(OPEN, now)
+        beat = show.due(True, now)
         seen.append((beat.recording_id, beat.act))
-        assert show.due(OPEN, now + beat.seconds * 0.9) is None
+        assert show.due(True, now + beat.seconds * 0.9) is None
         now += beat.seconds + 1e-6
     assert [name for name, _ in seen if name] == ["a", "b", "a"]
     assert list(dict.fromkeys(act for _, act in seen)) == ["events", "image", "places"]
@@ -41,22 +41,22 @@ def test_the_show_runs_through_all_acts_of_all_recordings_and_begins_again():
 
 def test_a_beat_counts_from_when_there_is_something_to_see_but_not_for_ever():
     show = Attract(["a"])
-    first = show.due(Limits(), 0.0)
-    assert show.due(Limits(), 15.0) is None
-    assert show.due(OPEN, 15.0 + first.seconds * 0.9) is None
-    assert show.due(OPEN, 15.0 + first.seconds).act == "image"
+    first = show.due(False, 0.0)
+    assert show.due(False, 15.0) is None
+    assert show.due(True, 15.0 + first.seconds * 0.9) is None
+    assert show.due(True, 15.0 + first.seconds).act == "image"
     broken = Attract(["a"])
-    broken.due(Limits(), 0.0)
-    assert broken.due(Limits(), STALLED + first.seconds + 1).act == "image"
+    broken.due(False, 0.0)
+    assert broken.due(False, STALLED + first.seconds + 1).act == "image"
 
 
 def test_a_touch_ends_the_show_and_idleness_starts_it_from_its_first_recording():
     show = Attract(["a", "b"])
-    show.due(OPEN, 0.0)
+    show.due(True, 0.0)
     assert show.touch(1.0)
     assert not show.touch(50.0)
-    assert show.due(OPEN, 50.0 + IDLE - 0.1) is None
-    beat = show.due(OPEN, 50.0 + IDLE)
+    assert show.due(True, 50.0 + IDLE - 0.1) is None
+    beat = show.due(True, 50.0 + IDLE)
     assert (beat.recording_id, beat.act) == ("a", "events")
     assert show.is_leading
 
