@@ -112,7 +112,7 @@ def test_the_pages_head_is_our_own_before_any_script_runs(viewer):
 
 
 def test_the_demo_leads_hands_over_at_a_touch_and_starts_over_when_left(browser, monkeypatch):
-    monkeypatch.setattr(attract, "IDLE", 6.0)
+    monkeypatch.setattr(attract, "IDLE", 1e9)
     config = ViewerConfig(
         port=0, demo=True, precision="fp32", budget=256, threads=1, roi=",".join(map(str, ROI)), public_url="http://x.y"
     )
@@ -131,6 +131,7 @@ def test_the_demo_leads_hands_over_at_a_touch_and_starts_over_when_left(browser,
         page.get_by_test_id("yours").wait_for()
         assert page.get_by_role("tab", name="Recording").count() == 0
         assert page.get_by_role("tab", name="Take away").count() == 0
+        monkeypatch.setattr(attract, "IDLE", 2.0)
         page.get_by_test_id("invitation").wait_for()
         page.get_by_test_id("pointed").get_by_text("Changes the sensor reported").wait_for()
         assert page.errors == []
