@@ -24,7 +24,8 @@ from etnet.events.clean import Cleaning
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, from_window, plan_windows
 
-KEPT_PLANS = 12
+KEPT_PLANS = 4
+"""Plans that are held; one of cleaned events holds four bytes an event."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,7 @@ class Comparing:
     def lanes(self, state: ViewState, moment: Moment | None, main: Answers) -> tuple[LaneShown, ...]:
         """All lanes at this moment, the main one first; none while nothing is compared. Plans what is not planned."""
         if state.compare.inspector not in ("lanes", "scores") or moment is None:
+            self._plans.clear()
             return ()
         return (
             self._shown(0, Lane(), state, moment, main),
@@ -142,7 +144,9 @@ class Comparing:
         planned = self._planned(plan, moment)
         if planned is None or planned.trouble:
             return replace(_untold(number, lane, planned.trouble if planned else ""), model_title=model.title)
-        index = Limits(windows=planned.windows).index_at(moment.window.t_stop)
+        # Windows may end at one stamp: in the main lane's own plan the window is known.
+        is_same_plan = planned.windows is moment.windows
+        index = moment.index if is_same_plan else Limits(windows=planned.windows).index_at(moment.window.t_stop)
         precision = lane.precision or state.precision
         wish = Wish(
             state.recording_id,

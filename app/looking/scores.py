@@ -14,6 +14,7 @@ from app.compare_view import Rule
 from app.present.shared import Shared
 from app.studio import Stage
 from app.wishes import Wish
+from etnet.windows import Window
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -40,7 +41,8 @@ class MomentScore:
 
     def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[Values, float]]:
         """One answer."""
-        yield _values(stage, self.wish, self.wish.index, self.rule, self.frame, cancelled), 1.0
+        values, _ = _values(stage, self.wish, self.wish.index, self.rule, self.frame, cancelled)
+        yield values, 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,13 +80,25 @@ class Strip:
         is_sparse = len(playback.windows) > MOST_WINDOWS
         pairs = _pairs(stage, is_sparse, self.offset)
         order = sorted(pairs, key=lambda pair: (not playback.has_frame(pair.prediction), pair.prediction))
-        found: dict[int, tuple[Pair, Values]] = {}
+        found: dict[int, _Scored] = {}
         if not order:
             yield _strip(stage, found, 0, is_sparse), 1.0
         for done, pair in enumerate(order, start=1):
             frame = pair.frame if pair.frame >= 0 else None
-            found[pair.prediction] = pair, _values(stage, self.wish, pair.prediction, self.rule, frame, cancelled)
-            yield _strip(stage, found, len(order), is_sparse), done / len(order)
+            window = playback.windows[pair.prediction]
+            values, is_new = _values(stage, self.wish, pair.prediction, self.rule, frame, cancelled)
+            found[pair.prediction] = _Scored(window, pair.lag, values)
+            if is_new or done == len(order):  # what was known before takes no time and is no news by itself
+                yield _strip(stage, found, len(order), is_sparse), done / len(order)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scored:
+    """One window of a strip."""
+
+    window: Window
+    lag: int
+    values: Values
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,18 +136,18 @@ def _pairs(stage: Stage, is_sparse: bool, offset: int) -> list[Pair]:
     ]
 
 
-def _strip(stage: Stage, found: Mapping[int, tuple[Pair, Values]], num_wanted: int, is_sparse: bool) -> StripScores:
-    indices = sorted(found)
-    windows = [stage.playback.windows[index] for index in indices]
-    names = dict.fromkeys(name for _, values in found.values() for name in values)
-    columns = {name: np.array([found[i][1].get(name, np.nan) for i in indices], np.float64) for name in names}
-    num_events = np.array([window.num_events for window in windows], np.float64)
-    columns["rate"] = num_events * 1e6 / np.array([max(window.t_stop - window.t_start, 1) for window in windows])
+def _strip(stage: Stage, found: Mapping[int, _Scored], num_wanted: int, is_sparse: bool) -> StripScores:
+    ordered = [found[index] for index in sorted(found)]
+    names = dict.fromkeys(name for each in ordered for name in each.values)
+    columns = {name: np.array([each.values.get(name, np.nan) for each in ordered], np.float64) for name in names}
+    num_events = np.array([each.window.num_events for each in ordered], np.float64)
+    durations = np.array([max(each.window.t_stop - each.window.t_start, 1) for each in ordered], np.float64)
+    columns["rate"] = num_events * 1e6 / durations
     columns["density"] = num_events / stage.playback.recording.sensor.num_pixels
     return StripScores(
-        np.array(indices, np.int64),
-        np.array([window.t_stop for window in windows], np.int64),
-        np.array([found[index][0].lag for index in indices], np.int64),
+        np.array(sorted(found), np.int64),
+        np.array([each.window.t_stop for each in ordered], np.int64),
+        np.array([each.lag for each in ordered], np.int64),
         columns,
         num_wanted,
         is_sparse,
@@ -142,10 +156,17 @@ def _strip(stage: Stage, found: Mapping[int, tuple[Pair, Values]], num_wanted: i
 
 def _values(
     stage: Stage, wish: Wish, index: int, rule: Rule, frame: int | None, cancelled: Callable[[], bool]
-) -> Values:
+) -> tuple[Values, bool]:
+    """A window's values, and whether they had to be found now."""
     wish = replace(wish, index=index, wants_attention=False)
-    key = (wish, stage.contract, rule, frame)
-    return _SCORES.get(key, lambda: _judged(stage, wish, rule, frame, cancelled), lambda values: 64 * len(values))
+    made: list[Values] = []
+
+    def make() -> Values:
+        made.append(_judged(stage, wish, rule, frame, cancelled))
+        return made[0]
+
+    values = _SCORES.get((wish, stage.contract, rule, frame), make, lambda values: 64 * len(values))
+    return values, bool(made)
 
 
 def _judged(stage: Stage, wish: Wish, rule: Rule, frame: int | None, cancelled: Callable[[], bool]) -> Values:

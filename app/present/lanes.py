@@ -43,7 +43,7 @@ def lanes_html(
     if not lanes:
         return ""
     other = lanes[min(view.chosen + 1, len(lanes) - 1)]
-    draw = _Draw(moment, box_of(moment, view.zoom, query), query, on_pick)
+    draw = _Draw(moment, box_of(moment, view.zoom, query), query, _best(lanes), on_pick)
     if view.sight in ("wipe", "difference") and len(lanes) > 1:
         picture_ = draw.wipe(lanes[0], other, view.wipe) if view.sight == "wipe" else draw.difference(lanes[0], other)
         cards = [draw.card(lane, other, None) for lane in lanes]
@@ -80,7 +80,10 @@ def box_of(moment: Moment, zoom: int, query: tuple[int, int] | None) -> Box:
 class _Draw:
     """Pictures of one moment, all cut to one box."""
 
-    def __init__(self, moment: Moment, box: Box, query: tuple[int, int] | None, on_pick: str) -> None:
+    def __init__(
+        self, moment: Moment, box: Box, query: tuple[int, int] | None, best: set[tuple[str, int]], on_pick: str
+    ) -> None:
+        self._best = best
         self._moment = moment
         self._box = box
         self._query = query
@@ -92,7 +95,7 @@ class _Draw:
         image = "" if shows is None else shows(lane)
         lag = "" if lane.wish is None else lag_line(lane.ready, lane.wish.index, lane.working, lane.failed)
         trouble = f'<div class="et-failed" role="alert">{escape(lane.trouble)}</div>' if lane.trouble else ""
-        facts = "" if lane.wish is None else f"{_given(self._moment, lane)}{_numbers(self._moment, lane)}"
+        facts = "" if lane.wish is None else f"{_given(self._moment, lane)}{_numbers(lane, self._best)}"
         return (
             f'<div class="et-lane{mark}" data-testid="lane-{lane.name}">{self._head(lane)}{image}{trouble}{lag}'
             f"{facts}</div>"
@@ -211,13 +214,26 @@ def _when(moment: Moment, stamp: int) -> str:
     return seconds((stamp - moment.recording.span.start) / 1e6)
 
 
-def _numbers(moment: Moment, lane: LaneShown) -> str:
+def _best(lanes: Sequence[LaneShown]) -> set[tuple[str, int]]:
+    """(measure, lane) of the best value there is, once every lane has one; none where all are the same."""
+    best: set[tuple[str, int]] = set()
+    for name, choose in (("mse", min), ("ssim", max), ("lpips", min)):
+        values = [lane.values[name] for lane in lanes if lane.values is not None and name in lane.values]
+        if len(values) == len(lanes) and len(set(values)) > 1:
+            best |= {(name, lane.number) for lane in lanes if lane.values and lane.values[name] == choose(values)}
+    return best
+
+
+def _numbers(lane: LaneShown, best: set[tuple[str, int]]) -> str:
     if lane.values is None:
         return '<div class="et-note" data-testid="measuring">measuring …</div>' if lane.ready is not None else ""
     values = [(name, lane.values[name]) for name in TITLES if name in lane.values]
     if "mse" in lane.values:
         values = values[:3]
-    cells = "".join(f"<div><dt>{TITLES[name]}</dt><dd>{decimals(value)}</dd></div>" for name, value in values)
+    marks = {name: ' class="et-exact" title="best of these lanes"' for name, number in best if number == lane.number}
+    cells = "".join(
+        f"<div><dt>{TITLES[name]}</dt><dd{marks.get(name, '')}>{decimals(value)}</dd></div>" for name, value in values
+    )
     late = ""
     if lane.truth is not None and abs(lane.truth.lag) > SAME_TIME:
         late = f'<div class="et-note et-warning">{_apart(lane.truth)}: motion between counts as error</div>'

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Int64, UInt32
 from etnet.errors import RecordingError
 from etnet.events.doctor import hot_pixels
 from etnet.events.events import Events, Sensor
-from etnet.events.recording import EventSource, Recording, Remark, Span
+from etnet.events.recording import Recording, Remark, Span
 
 MOST_EVENTS = 20_000_000
 """A cleaned recording remembers which events stayed, 4 bytes each: 80 MB at this many."""
@@ -55,7 +55,7 @@ def cleaned(recording: Recording, cleaning: Cleaning) -> Recording:
     kept = np.concatenate([np.empty(0, np.uint32), *_kept(recording, cleaning)])
     if not len(kept):
         raise RecordingError(f"{recording.name}: no event is left after cleaning; filter less")
-    source = _KeptSource(recording.source, kept, recording.sensor)
+    source = _KeptSource(recording, kept, recording.sensor)
     first, last = source.read(0, 1).t[0], source.read(len(kept) - 1, len(kept)).t[0]
     remark = Remark("detected", f"cleaned: {len(kept):,} of {recording.num_events:,} events stayed")
     return Recording(
@@ -72,9 +72,9 @@ def cleaned(recording: Recording, cleaning: Cleaning) -> Recording:
 
 @dataclass(frozen=True)
 class _KeptSource:
-    """Some of another source's events, by their indices there."""
+    """Some of another recording's events, by their indices there. It holds the recording, which so stays open."""
 
-    inner: EventSource
+    inner: Recording
     kept: UInt32[np.ndarray, " n"]
     sensor: Sensor
 
@@ -91,7 +91,7 @@ class _KeptSource:
         return Events(events.x[chosen], events.y[chosen], events.t[chosen], events.p[chosen], self.sensor)
 
     def close(self) -> None:
-        """The other source belongs to the recording that was cleaned."""
+        """The other recording belongs to whoever opened it."""
 
 
 def _kept(recording: Recording, cleaning: Cleaning) -> Iterator[UInt32[np.ndarray, " n"]]:

@@ -11,7 +11,8 @@ from torch import Tensor, nn
 from etnet.errors import ModelError
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.backbone import check_voxel
-from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.base import Pyramid, State
+from etnet.nets.composed import Composed
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.runtime import Runtime
 
@@ -33,7 +34,7 @@ class IntegratorConfig:
             )
 
 
-class LeakyIntegrator(nn.Module):
+class LeakyIntegrator(Composed):
     """Memory: one log brightness a pixel. Frame: its logistic, so that nothing seen is the middle grey .5.
 
     What a network is worth can be told beside it only: it has no idea of images, and its grey is nobody's light.
@@ -72,16 +73,6 @@ class LeakyIntegrator(nn.Module):
     def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
         """The memory is all that `decode` reads."""
         return self._pyramid_of(state_after.tensors[0])
-
-    def forward(
-        self,
-        voxel: Float[Tensor, "b bins h w"],
-        state: State | None = None,
-        probe: AttentionProbe | None = None,
-        intervention: Intervention = ORIGINAL,
-    ) -> Step:
-        pyramid, state = self.encode(voxel, state, intervention)
-        return Step(self.decode(pyramid, probe, intervention)[0], state)
 
     def _refuse(self, intervention: Intervention) -> None:
         if intervention != ORIGINAL:

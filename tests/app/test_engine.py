@@ -8,6 +8,7 @@ import torch
 
 import app.engine as engine_module
 from app.engine import Engine
+from app.studio import KEPT_PLAYBACKS
 from app.wishes import Failed, Ready, Working
 from etnet.nets.intervention import Intervention
 from etnet.reconstruction import window_voxel
@@ -316,14 +317,14 @@ def test_a_wish_interrupts_preparing(shelf, make_engine):
 
 
 def test_the_budget_is_shared_by_all_playbacks(shelf, make_engine):
-    shelf.recordings |= {str(i): recording_of(30, seed=i) for i in range(6)}
+    shelf.recordings |= {str(i): recording_of(30, seed=i) for i in range(KEPT_PLAYBACKS + 2)}
     engine, inbox = make_engine(budget=100_000), Inbox()
-    for i in range(6):
+    for i in range(KEPT_PLAYBACKS + 2):
         engine.request("ada", wish(29, recording=str(i)), inbox)
         inbox.wait(lambda r, i=i: isinstance(r, Ready) and r.wish.recording_id == str(i))
-    reports = [engine.cached(wish(0, recording=str(i))) for i in range(6)]
+    reports = [engine.cached(wish(0, recording=str(i))) for i in range(KEPT_PLAYBACKS + 2)]
     held = [report for report in reports if report is not None]
-    assert len(held) <= 4
+    assert len(held) <= KEPT_PLAYBACKS
     assert sum(stage.playback.cached().nbytes for stage in engine._studio._stages.values()) <= 100_000
 
 

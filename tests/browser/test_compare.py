@@ -54,6 +54,7 @@ def page(browser, desk):
 def choose(page, label, option):
     page.get_by_label(label, exact=True).first.click()
     page.get_by_role("option", name=option, exact=True).first.click()
+    page.evaluate("document.activeElement.blur()")  # a field that has the focus takes the keys
 
 
 @pytest.fixture(scope="module")
