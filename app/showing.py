@@ -127,6 +127,7 @@ class Showing:
             linked, refused = replace(linked, model_id=state.model_id), (*refused, "the network")
         if self._attract is not None:
             linked = replace(linked, model_id=state.model_id, precision=state.precision, policy=None)
+            linked = replace(linked, inside=self._default.inside, compare=self._default.compare)
         if refused:
             self._refuse("Not all of this moment could be shown", f"Left out: {', '.join(refused)}.")
         return linked

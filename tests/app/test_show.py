@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from app import attract
 from app import intents as ask
 from app.attract import BURST, IDLE, MOST_MESSAGES, STALLED, Attract, Throttle, beats_of, intents_of, public_view
+from app.compare_view import CompareView, Lane
 from app.config import ConfigError, ViewerConfig
-from app.link import LinkError, from_link, to_link
+from app.inside_view import Switch
+from app.link import LONGEST, LinkError, from_link, to_link
 from app.show_view import PointAt
 from app.view_state import Limits, ViewState, reduce
 from app.wishes import Wish
@@ -123,7 +125,7 @@ def of(**carried):
         ("%%%", "cannot be read"),
         ("ü", "cannot be read"),
         (base64.urlsafe_b64encode(b"[" * 1000).decode(), "cannot be read"),
-        ("A" * 2000, "2,000 characters"),
+        ("A" * 5000, "5,000 characters"),
         (to_link(STATE, 5)[:-20], "cannot be read"),
         (of(v=2, t=5, recording_id="a"), "another version"),
         (of(v=1, recording_id="a"), "names no moment"),
@@ -140,7 +142,18 @@ def test_what_a_link_carries_beyond_reason_is_left_out_and_named():
     value = of(v=1, t=5, recording_id="a", tone="sepia", site="../etc", is_playing=True, token="x", speed=3)
     linked, refused = from_link(value, STATE)
     assert set(refused) == {"tone", "site", "is_playing", "token", "speed"}
-    assert (linked.recording_id, linked.site, linked.is_playing) == ("a", STATE.site, False)
+    assert (linked.recording_id, linked.site, linked.is_playing) == ("a", ViewState().site, False)
+
+
+def test_a_link_carries_lanes_but_no_change_of_the_network_nor_leaves_one_that_was_there():
+    changed = replace(STATE, compare=CompareView(lanes=(Lane(), Lane(precision="bf16"))))
+    changed = reduce(changed, Switch("scale 3"), OPEN)
+    assert changed.inside != STATE.inside
+    value = to_link(changed, 5000)
+    linked, refused = from_link(value, changed)
+    assert (linked.inside, linked.compare, refused) == (STATE.inside, changed.compare, ())
+    assert len(value) < LONGEST
+    assert from_link(to_link(STATE, 5000), changed)[0].compare == STATE.compare
 
 
 @given(st.text(max_size=300) | st.binary(max_size=200).map(lambda b: base64.urlsafe_b64encode(b).decode()))
