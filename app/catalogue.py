@@ -10,6 +10,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Any, Literal
 
@@ -37,6 +38,9 @@ DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
 _log = logging.getLogger(__name__)
+VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
+"""Videos are shown as an event sensor would see them."""
+_SEEN = "simulated from a video (ESIM, contrast 0.2, noise 0.2); `etnet simulate --video` takes other values"
 _BESIDE_EVENTS = {"images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy")
 
@@ -83,6 +87,7 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
+        self._scratch: TemporaryDirectory[str] | None = None
         self._models = tuple(_models(config))
         self._entries = tuple(_entries(config))
 
@@ -137,17 +142,22 @@ class Catalogue:
         """Close every recording that is kept open."""
         with self._lock:
             kept, self._open = list(self._open.values()), OrderedDict()
+            scratch, self._scratch = self._scratch, None
         for recording in kept:
             recording.close()
+        if scratch is not None:
+            scratch.cleanup()
 
     def _read(self, entry: Entry, progress: Callable[[float], None] | None) -> Recording:
         from etnet.events.open import open_recording
         from etnet.events.view import View
 
         try:
-            path = entry.path
+            path, told = entry.path, ()
             if entry.remote is not None:
                 path = fetch(entry.remote, progress=progress)
+            if path.suffix.lower() in VIDEO_SUFFIXES:
+                path, told = self._seen(path, progress), (Remark("assumed", _SEEN),)
             asked = self._config.downsample
             recording = open_recording(path, view=View(self._config.region, asked or 1), progress=progress)
             factor = runnable_downsample(recording.sensor.num_pixels)
@@ -161,8 +171,21 @@ class Catalogue:
             raise
         except Exception as error:
             raise RecordingError(f"{entry.path.name}: cannot be opened ({error})") from error
+        recording = replace(recording, remarks=(*told, *recording.remarks)) if told else recording
         weakref.finalize(recording, recording.source.close)
         return recording
+
+    def _seen(self, video: Path, progress: Callable[[float], None] | None) -> Path:
+        """What an event sensor sees of a video, made once while this catalogue lives."""
+        from etnet.simulation.video import VideoConfig, simulate_video
+
+        with self._lock:
+            if self._scratch is None:
+                self._scratch = TemporaryDirectory(prefix="etnet-video-")
+        made = Path(self._scratch.name) / f"{video.stem}-{_digest(video)}.h5"
+        if not made.exists():
+            simulate_video(video, made, VideoConfig(), progress)
+        return made
 
 
 def suited_policy(recording: Recording) -> Policy:
@@ -192,13 +215,16 @@ def _entries(config: ViewerConfig) -> Iterator[Entry]:
             folder = path.parent.relative_to(config.data)
             where = "" if folder == Path() else f"{folder} · "
             yield _entry(path, "data", f"{where}{_size(path)}")
-    for sample in SAMPLES.values():
-        yield _on_demand(sample)
+    if not config.demo:
+        for sample in SAMPLES.values():
+            yield _on_demand(sample)
 
 
 def _entry(path: Path, kind: Kind, subtitle: str) -> Entry:
     name = path.stem if kind == "bundled" else path.name or str(path)
-    return Entry(f"{kind}-{_digest(path)}", name, kind, subtitle, path)
+    # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
+    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{_digest(path)}"
+    return Entry(entry_id, name, kind, subtitle, path)
 
 
 def _on_demand(sample: RemoteSample) -> Entry:
@@ -215,7 +241,7 @@ def _digest(path: Path) -> str:
 def _recordings_in(folder: Path) -> list[Path]:
     from etnet.events.formats.table import FORMATS
 
-    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix}
+    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
     found: list[Path] = []
     waiting = [folder]
     while waiting and len(found) < MAX_ENTRIES:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
+from typing import get_args
 
 import viser
 
@@ -22,6 +23,8 @@ from etnet.events.clean import Cleaning
 ON_PICK = 'data-pick="1"'
 """The attribute that makes an element of `data-k` clickable; the same for all visitors, so that HTML is shared."""
 LONGEST_MESSAGE = 200
+LONGEST_LINK = 4000
+"""Characters: more than a link may have, so that one that is too long is refused by name and not cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,26 @@ class AskHelp:
     """The question mark was pressed."""
 
 
-Message = Hello | Resized | AskHelp
+@dataclass(frozen=True, slots=True)
+class Touched:
+    """A hand is on the page, wherever: in public the demo then lets go of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class FollowLink:
+    """The page's address names a moment (`app.link`)."""
+
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
+class Copied:
+    """The address of the moment on show went into the clipboard, or could not."""
+
+    is_done: bool
+
+
+Message = Hello | Resized | AskHelp | Touched | FollowLink | Copied
 _KEYS: dict[str, ask.Intent | AskHelp] = {"comma": ask.Move(-1), "period": ask.Move(1), "question": AskHelp()}
 
 
@@ -75,6 +97,8 @@ def open_channel(gui: viser.GuiApi, hear: Callable[[ask.Intent | Message], None]
 
 def parse(text: str) -> ask.Intent | Message | None:
     """One message of the page, "kind|…|counter"; `None` for what cannot be understood. It is a stranger's word."""
+    if text.startswith("link|"):
+        return FollowLink(text[:LONGEST_LINK].split("|")[1])
     parts = text[:LONGEST_MESSAGE].split("|")
     try:
         match parts:
@@ -82,6 +106,10 @@ def parse(text: str) -> ask.Intent | Message | None:
                 return _picked(key, float(u), float(v))
             case ["key", name, _]:
                 return _KEYS.get(name)
+            case ["copied", is_done, _]:
+                return Copied(is_done == "1")
+            case ["touch", _]:
+                return Touched()
             case ["hello", tab, width, height, _]:
                 return Hello(int(tab) % 256, _pixels(width), _pixels(height))
             case ["size", width, height, _]:
@@ -106,6 +134,10 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
             return AskHelp()
         case "head":
             return ask.ChooseHead(None if name == "mean" else int(name))
+        case "open":
+            return ask.OpenRecording(name)
+        case "workspace":
+            return ask.ShowWorkspace(known) if (known := workspace_named(name)) is not None else None
         case "bin":
             return ask.OpenBin(int(name) if name else None)
         case "inside":
@@ -124,6 +156,11 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
         case "goto":
             return ask.SeekTime(float(name))
     return None
+
+
+def workspace_named(name: str) -> ask.Workspace | None:
+    """The workspace of a name that a page sent."""
+    return next((known for known in get_args(ask.Workspace) if known == name), None)
 
 
 def _lane(name: str) -> ask.Intent:

@@ -33,7 +33,7 @@ class ViewerConfig:
     """Look inside event-camera recordings, and inside the network that turns them into images, in a browser."""
 
     file: tyro.conf.Positional[Path | None] = None
-    """A recording: a file, a folder or a zip. Without it a bundled one is shown."""
+    """A recording: a file, a folder or a zip; or a video, seen as an event sensor would. Without it a bundled one."""
     data: Path | None = None
     """A folder whose recordings are offered in the page."""
     model: str = "etnet-half"
@@ -59,7 +59,12 @@ class ViewerConfig:
     downsample: Literal[1, 2, 4] | None = None
     """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
 
+    demo: bool = False
+    """For a stand in public: shows itself until somebody touches it, and starts over when he has gone."""
+
     def __post_init__(self) -> None:
+        if self.demo and self.data is not None:
+            raise ConfigError("--demo shows FILE and the bundled recordings only; leave --data out")
         if not 0 <= self.port <= 65_535:
             raise ConfigError(f"--port {self.port}: wanted 0 … 65,535 (0 takes any free port)")
         if self.budget < MIN_BUDGET:

@@ -37,6 +37,8 @@ class Guard:
     hosts: frozenset[str] = LOOPBACK
     public_hosts: frozenset[str] = frozenset()
     health: str = "ok"
+    dress: Callable[[Response], Response] = lambda response: response
+    """What is done to viser's own answers."""
 
     def refuse_or_answer(self, request: Request) -> Response | None:
         """The answer to a request that must not reach viser, or is not viser's; `None` lets it through."""
@@ -96,7 +98,8 @@ def guarding(guard: Guard) -> Iterator[None]:
             answer = guard.refuse_or_answer(request)
             if answer is not None or process_request is None:
                 return answer
-            return process_request(connection, request)
+            answer = process_request(connection, request)
+            return guard.dress(answer) if isinstance(answer, Response) else answer
 
         return original(*args, process_request=process, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
 

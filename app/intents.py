@@ -7,6 +7,7 @@ from typing import Literal
 
 from app.compare_view import CompareIntent
 from app.inside_view import InsideIntent
+from app.show_view import ShowIntent
 from etnet.windows import Policy
 
 Workspace = Literal["inspect", "attention", "demo"]
@@ -219,4 +220,5 @@ Intent = (
     | OpenBin
     | InsideIntent
     | CompareIntent
+    | ShowIntent
 )

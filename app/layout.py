@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import viser
 
@@ -16,10 +17,15 @@ from app.panels.compare import ComparePanel
 from app.panels.inside import InsidePanel
 from app.panels.overview import Demo, Provenance, SceneLegend
 from app.panels.pictures import EventPicture, Reconstruction, Voxels
+from app.panels.public import PublicDemo
 from app.panels.source import Source
+from app.panels.take_away import TakeAwayPanel
 from app.panels.transport import Transport
 from app.panels.view import ViewPanel
 from app.scene.space import Space, camera_place
+
+if TYPE_CHECKING:
+    from viser._gui_handles import GuiModalHandle
 
 PHONE_ASPECT = 0.9
 """A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
@@ -73,13 +79,16 @@ class Layout:
 
 
 def build_layout(
-    client: viser.ClientHandle, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]
+    client: viser.ClientHandle,
+    dispatch: Dispatch,
+    hear: Callable[[ask.Intent | Message], None],
+    is_public: bool = False,
 ) -> Layout:
-    """Lay out one visitor's page."""
+    """Lay out one visitor's page; in public without what only the host may change."""
     is_phone = client.camera.aspect < PHONE_ASPECT
     open_channel(client.gui, hear)
     _add_commands(client.gui, dispatch, hear)
-    return _build_phone(client, dispatch) if is_phone else _build_desk(client, dispatch)
+    return _build_phone(client, dispatch, is_public) if is_phone else _build_desk(client, dispatch, is_public)
 
 
 def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -> None:
@@ -94,7 +103,7 @@ def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -
         client.camera.look_at = place.look_at
 
 
-def show_help(client: viser.ClientHandle) -> None:
+def show_help(client: viser.ClientHandle) -> GuiModalHandle:
     """Keys and words of the page, in a window of their own."""
     with client.gui.add_modal("Keys and words") as modal:
         client.gui.add_html((page_folder() / "help.html").read_text("utf-8"))
@@ -103,15 +112,32 @@ def show_help(client: viser.ClientHandle) -> None:
     @close.on_click
     async def _(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
         if event.client is not None:
-            modal.close()
+            close_modal(modal)
+
+    return modal
 
 
-def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
+def close_modal(modal: GuiModalHandle | None) -> None:
+    """Close a window over the page, if it is still open."""
+    if modal is not None and not modal.closed:
+        modal.close()
+
+
+def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
     gui = client.gui
-    provenance, legend, demo = Provenance(), SceneLegend(), Demo()
+    provenance, legend, demo = Provenance(), SceneLegend(), PublicDemo() if is_public else Demo()
     reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), Transport()
-    attention, source, view, compare = AttentionPanel(), Source(), ViewPanel(), ComparePanel()
-    inside = InsidePanel()
+    attention, view = AttentionPanel(), ViewPanel()
+    # In public there is nothing to open or to change, and nothing is handed out.
+    open_tabs = (("Attention", viser.Icon.FOCUS_2, attention), ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view))
+    private_tabs = (
+        ("Inside", viser.Icon.MICROSCOPE, InsidePanel()),
+        ("Recording", viser.Icon.DATABASE, Source()),
+        ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
+        ("Compare", viser.Icon.COLUMNS_3, ComparePanel()),
+        ("Take away", viser.Icon.DOWNLOAD, TakeAwayPanel()),
+    )
+    shown_tabs = open_tabs if is_public else (open_tabs[0], *private_tabs)
 
     left = gui.add_panel()
     with left.add_tab("Window on show", viser.Icon.PHOTO):
@@ -121,13 +147,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
 
     gui.main_panel.dock_right()
     tabs = gui.add_tab_group()
-    for title, icon, panel in (
-        ("Attention", viser.Icon.FOCUS_2, attention),
-        ("Inside", viser.Icon.MICROSCOPE, inside),
-        ("Recording", viser.Icon.DATABASE, source),
-        ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
-        ("Compare", viser.Icon.COLUMNS_3, compare),
-    ):
+    for title, icon, panel in shown_tabs:
         with tabs.add_tab(title, icon):
             panel.build(gui, dispatch)
 
@@ -142,27 +162,28 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
             panel.build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
 
-    columns = (reconstruction, events, voxels, attention, inside, source, view, compare)
+    columns = (reconstruction, events, voxels, *(panel for _, _, panel in shown_tabs))
     panels = (transport, *columns, provenance, legend, demo)
     return Layout(client, panels, legend, False, left)
 
 
-def _build_phone(client: viser.ClientHandle, dispatch: Dispatch) -> Layout:
+def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
     gui = client.gui
     legend, reconstruction, transport = SceneLegend(), Reconstruction(), Transport()
     for panel in (legend, reconstruction, transport):
         panel.build(gui, dispatch)
     folded: tuple[tuple[str, Panel], ...] = (
-        ("Events", events := EventPicture()),
-        ("Time bins", voxels := Voxels()),
-        ("Recording", source := Source()),
-        ("Attention", attention := AttentionPanel()),
-        ("Inside", inside := InsidePanel()),
+        ("Events", EventPicture()),
+        ("Time bins", Voxels()),
+        *(() if is_public else (("Recording", Source()),)),
+        ("Attention", AttentionPanel()),
+        *(() if is_public else (("Inside", InsidePanel()), ("Take away", TakeAwayPanel()))),
     )
     for title, panel in folded:
         with gui.add_panel().add_tab(title):
             panel.build(gui, dispatch)
-    return Layout(client, (transport, reconstruction, events, voxels, attention, inside, source, legend), legend, True)
+    panels = (transport, reconstruction, *(panel for _, panel in folded), legend)
+    return Layout(client, panels, legend, True)
 
 
 def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]) -> None:

@@ -6,12 +6,20 @@ import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from weakref import WeakSet
 
 import tyro
 
 from app.catalogue import Catalogue
 from app.config import ViewerConfig
 from etnet.errors import EtnetError
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.panels.base import Page
+    from app.session import Session
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,6 +45,7 @@ class Viewer:
 
     def __init__(self, config: ViewerConfig) -> None:
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
+        from app.attract import MOST_VISITORS, public_view
         from app.engine import Engine
         from app.server import Address, free_port, start_server
         from app.session import Session
@@ -51,6 +60,8 @@ class Viewer:
             model_id=models[0].id if models else "",
             precision=config.precision,
         )
+        if config.demo:
+            default = public_view(default)
         address = Address(config.host, config.port, config.token, config.public_url)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
@@ -58,8 +69,18 @@ class Viewer:
         self.engine = Engine(
             self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
         )
+        self._visits: WeakSet[Session] = WeakSet()
+
+        def visit(client: viser.ClientHandle) -> Session:
+            session = Session(client, self.catalogue, self.engine, default)
+            self._visits.add(session)
+            return session
+
         self.server = start_server(
-            address, self.port, lambda client: Session(client, self.catalogue, self.engine, default)
+            address,
+            self.port,
+            visit,
+            MOST_VISITORS if config.demo else None,
         )
         self.port = self.server.get_port()
         if models:
@@ -79,7 +100,13 @@ class Viewer:
         busy = f" (port {self._wanted_port} is busy)" if is_moved else ""
         return f"ET-Net viewer: open {self.url}{busy} — Ctrl+C ends it"
 
+    def newest_page(self) -> Page | None:
+        """What was drawn last for anybody who is here; `None` before anything was."""
+        drawn = [held for session in tuple(self._visits) if (held := session.drawn) is not None]
+        return max(drawn, key=lambda held: held[0])[1] if drawn else None
+
     def stop(self) -> None:
         """End server and engine."""
         self.server.stop()
         self.engine.stop()
+        self.catalogue.close()

@@ -15,7 +15,7 @@ from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 LARGEST_INDEX = 10**9
 LONGEST_TEXT = 10_000
-_NOT_KEPT = {"is_playing", "moment"}
+_NOT_KEPT = {"is_playing", "moment", "show"}
 
 
 def to_text(state: ViewState) -> str:

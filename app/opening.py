@@ -44,10 +44,18 @@ class Unopened:
     message: str
 
 
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """How far a plan's recording is opened, 0 … 1: a format without an index, or a video, takes a while."""
+
+    plan: Plan
+    share: float
+
+
 class Opener:
     """Opens beside the page. Answers come in any order; the session takes the one that fits its state."""
 
-    def __init__(self, catalogue: Catalogue, tell: Callable[[Opened | Unopened], None]) -> None:
+    def __init__(self, catalogue: Catalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
         self._catalogue = catalogue
         self._tell = tell
         self._begun: Plan | None = None
@@ -65,7 +73,7 @@ class Opener:
 
     def _open(self, plan: Plan) -> None:
         try:
-            recording = self._catalogue.open(plan.recording_id)
+            recording = self._catalogue.open(plan.recording_id, self._progress(plan))
             policy = suited_policy(recording) if plan.policy is None else plan.policy
             windows = plan_windows(recording, policy)
             if len(windows) == 0:
@@ -74,3 +82,15 @@ class Opener:
                 self._tell(Opened(plan, policy, recording, windows))
         except EtnetError as error:
             self._tell(Unopened(plan, str(error)))
+
+    def _progress(self, plan: Plan) -> Callable[[float], None]:
+        """Tells every whole per cent once."""
+        told = -1
+
+        def progress(share: float) -> None:
+            nonlocal told
+            if int(share * 100) > told:
+                told = int(share * 100)
+                self._tell(Opening(plan, share))
+
+        return progress

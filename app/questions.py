@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from app.looking.fit import fit_question
 from app.looking.inside import ask_inside
+from app.looking.taking import taking_studies
 from app.studies import Study
 from app.view_state import ViewState
 from app.wishes import Wish
@@ -13,7 +14,7 @@ from app.wishes import Wish
 Asker = Callable[[ViewState, Wish], Mapping[str, Study]]
 """(view, the wish for its moment) → studies by slot; none while its part of the page is closed."""
 
-ASKERS: tuple[Asker, ...] = (ask_inside, fit_question)
+ASKERS: tuple[Asker, ...] = (ask_inside, fit_question, taking_studies)
 
 
 def questions(state: ViewState, wish: Wish) -> dict[str, Study]:

@@ -18,11 +18,14 @@ from viser.theme import TitlebarImage
 
 from app.assets import page_folder
 from app.guard import LOOPBACK, Guard, guarding
+from app.page_head import PageHead
+from app.upkeep import give_back, share_arenas
 from etnet.errors import EtnetError
 
 BRAND = (255, 140, 66)
 """The hue of ON events."""
 PORTS_TRIED = 50
+CROWDED = "This page takes a limited number of visitors at once. Please load it again in a minute."
 
 
 class AddressError(EtnetError):
@@ -67,19 +70,33 @@ def free_port(host: str, port: int) -> int:
     raise AddressError(f"no free port from {port} to {port + PORTS_TRIED - 1} on {host}; name one with --port")
 
 
-def start_server(address: Address, port: int, visit: Callable[[viser.ClientHandle], Visit]) -> viser.ViserServer:
-    """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when he leaves."""
+def start_server(
+    address: Address,
+    port: int,
+    visit: Callable[[viser.ClientHandle], Visit],
+    most_visitors: int | None = None,
+) -> viser.ViserServer:
+    """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when he leaves.
+
+    Whoever comes when `most_visitors` are here already is told so, and gets no session.
+    """
     public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()
     guard = Guard(
-        page_folder(), address.token, LOOPBACK | {_bracketed(address.host)}, public, f"ok, viser {viser.__version__}\n"
+        page_folder(),
+        address.token,
+        LOOPBACK | {_bracketed(address.host)},
+        public,
+        f"ok, viser {viser.__version__}\n",
+        PageHead(address.public_url).dressed,
     )
+    share_arenas()
     # viser prints a frame with addresses of its own; this program says where to look in one line.
     with guarding(guard), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=address.host, port=port, label="Look inside", verbose=False)
     # Any page in the browser may ask viser to publish itself through a tunnel on a foreign server: never here.
     server.request_share_url = lambda verbose=True: None
     _dress(server)
-    _welcome(server, visit)
+    _welcome(server, visit, most_visitors)
     return server
 
 
@@ -99,11 +116,16 @@ def _dress(server: viser.ViserServer) -> None:
     server.initial_camera.up = (0.0, -1.0, 0.0)
 
 
-def _welcome(server: viser.ViserServer, visit: Callable[[viser.ClientHandle], Visit]) -> None:
+def _welcome(
+    server: viser.ViserServer, visit: Callable[[viser.ClientHandle], Visit], most_visitors: int | None
+) -> None:
     visits: dict[int, Visit] = {}
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
+        if most_visitors is not None and len(server.get_clients()) > most_visitors:
+            client.gui.add_markdown(f"### Many are looking already\n\n{CROWDED}")
+            return
         # A session is built in a worker: laying out a page would hold up every other visitor's clicks.
         built = await asyncio.to_thread(visit, client)
         if client.client_id in server.get_clients():
@@ -115,6 +137,7 @@ def _welcome(server: viser.ViserServer, visit: Callable[[viser.ClientHandle], Vi
     async def _(client: viser.ClientHandle) -> None:
         if (gone := visits.pop(client.client_id, None)) is not None:
             gone.close()
+        await asyncio.to_thread(give_back)
 
 
 def _bind_once(host: str, port: int) -> None:

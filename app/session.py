@@ -18,19 +18,22 @@ import viser
 from app import intents as ask
 from app.answers import Answers
 from app.catalogue import Catalogue
-from app.channel import AskHelp, Hello, Resized
+from app.channel import AskHelp, Copied, FollowLink, Hello, Resized, Touched
 from app.comparing import Comparing, LanePlanned, LaneReply
 from app.engine import Engine
 from app.keeper import Keeper
-from app.layout import build_layout, show_help
+from app.layout import build_layout
+from app.link import to_link
 from app.looking.lanes import lane_questions, scored, slot_of
-from app.opening import Opened, Opener, Plan, Unopened
+from app.looking.taking import SLOT
+from app.opening import Opened, Opener, Opening, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
 from app.questions import questions
 from app.scene.space import Space
+from app.showing import Showing, Shown
 from app.stage import Stage
 from app.studying import Found, Studying
 from app.view_state import Limits, ViewState, reduce
@@ -57,20 +60,8 @@ class Closed:
     """The visitor has gone."""
 
 
-Item = (
-    ask.Intent
-    | Hello
-    | Resized
-    | AskHelp
-    | Reply
-    | Found
-    | LanePlanned
-    | LaneReply
-    | Opened
-    | Unopened
-    | CanvasChanged
-    | Closed
-)
+News = Reply | Found | LanePlanned | LaneReply | Opening | Opened | Unopened
+Item = ask.Intent | Hello | Resized | Shown | News | CanvasChanged | Closed
 
 
 class Session:
@@ -96,12 +87,15 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
+        self.drawn: tuple[float, Page] | None = None
+        """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
         self._glanced_at = 0.0
         self._cached: object = None
-        self._layout = build_layout(client, self._mail.put, self._mail.put)
+        self._showing = Showing(client, catalogue, default)
+        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public)
         self._arrange()
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
@@ -112,12 +106,18 @@ class Session:
         """The visitor has gone: nothing more is computed for him."""
         self._mail.put(Closed())
 
+    def _speak(self, item: Item) -> None:
+        """What a visitor does, on viser's event loop."""
+        if self._showing.hears():
+            self._mail.put(item)
+
     # ---- the visitor's own thread ----
 
     def _run(self) -> None:
         try:
             self._serve()
         finally:
+            self.drawn = None
             self._comparing.close()
             self._engine.drop(self._visitor)
 
@@ -159,43 +159,69 @@ class Session:
                 self._is_closed = True
             case Hello(tab):
                 self._greet(tab)
-            case AskHelp():
-                show_help(self._client)
+            case AskHelp() | Touched() | FollowLink() | Copied():
+                self._answer(item)
             case Resized() | CanvasChanged():
                 pass
             case Ready() | Working() | Failed():
                 self._is_dirty |= self._answers.take(item)
                 return
             case Found():
-                self._is_dirty |= self._studying.take(item)
+                if self._studying.take(item):
+                    self._is_dirty = True
+                    for intent in self._showing.hand_over(item):
+                        self._reduce(intent)
                 return
             case LanePlanned() | LaneReply():
                 self._is_dirty |= self._comparing.take(item)
                 return
+            case Opening(plan, share):
+                if plan.recording_id == self._state.recording_id and self._moment() is None:
+                    self._trouble = f"It is being opened: {share:.0%}."
             case Opened() | Unopened():
                 self._settle(item)
             case _:
                 self._has_asked = True
-                self._reduce(item)
+                self._answer(Touched())
+                if self._showing.permits(item):
+                    self._reduce(item)
+        self._is_dirty = True
+
+    def _lead(self) -> None:
+        """Go on with the show, where the page is in public and nobody has touched it."""
+        is_up = self._moment() is not None and self._answers.ready is not None
+        if (stretch := self._showing.lead(self._state, is_up)) is None:
+            return
+        self._state, intents = stretch
+        self._arrange()
+        for intent in intents:
+            self._reduce(intent)
         self._is_dirty = True
 
     def _greet(self, tab: int) -> None:
+        if self._showing.is_public:
+            self._is_known = True
+            return
         if self._keeper.knows_tab:
             return
         recalled, refused = self._keeper.recall(tab)
         if self._has_asked:
             return  # a slow page said hello when its visitor had already begun: his view is the newer one
         self._is_known = True
-        self._state = recalled
-        known = [entry.id for entry in self._catalogue.entries()]
-        if self._state.recording_id not in known:
-            self._state = reduce(self._state, ask.OpenRecording(next(iter(known), "")), Limits())
-            refused = (*refused, "the recording")
-        if self._state.model_id not in {entry.id for entry in self._catalogue.models()}:
-            self._state = reduce(self._state, ask.ChooseModel(self._catalogue.models()[0].id), Limits())
-        if refused:
-            self._notify("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
+        self._state = self._showing.restore(recalled, refused)
         self._arrange()
+
+    def _answer(self, letter: Shown) -> None:
+        """Whatever a visitor does, the show lets go of his page first."""
+        for intent in self._showing.touch():
+            self._reduce(intent)
+        before, self._state = self._state, self._showing.answer(letter, self._state)
+        if self._state is before:
+            return
+        self._has_asked = self._is_known = True
+        self._arrange()
+        if self._moment() is not None and self._state.policy is not None:
+            self._reduce(ask.Settle(self._state.policy))  # what the link names is open already
 
     def _reduce(self, intent: ask.Intent) -> None:
         before = self._state
@@ -234,6 +260,7 @@ class Session:
         plan = Plan(self._state.recording_id, self._state.policy)
         if self._moment() is None and plan != self._refused:
             self._opener.want(plan)
+        self._lead()
         due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
         if due is not None:
             self._reduce(ask.PlayTo(due))
@@ -270,6 +297,7 @@ class Session:
         self._layout.show(page)
         self._shown_index = self._state.index
         self._client.flush()
+        self.drawn = time.monotonic(), page
 
     def _moment(self) -> Moment | None:
         held, state = self._opened, self._state
@@ -297,6 +325,8 @@ class Session:
         self._comparing.ask(state, lanes)
         if not (self._is_moving() or state.is_playing):
             self._studying.want({**questions(state, wish), **lane_questions(state, lanes, self._num_seen)})
+        elif state.show.order is None:
+            self._studying.drop(SLOT)
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
@@ -325,6 +355,7 @@ class Session:
             self._trouble,
             findings=self._studying.findings,
             lanes=self._lanes(moment),
+            link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",
         )
 
     def _num_seen(self, wish: Wish) -> int:

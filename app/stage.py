@@ -75,7 +75,8 @@ def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
     ready, state = page.ready, page.state
     if ready is None:
         return None, None
-    lags = ready.wish.index != state.index
+    # Where every image is waited for, the one on show is always one behind while it plays.
+    lags = ready.wish.index != state.index and not (state.is_playing and state.waits_for_frames)
     if state.workspace == "attention" and page.look is not None and ready.attention is not None:
         image = attention_image(ready, page.look, state.site)
         if image is not None:

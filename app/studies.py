@@ -76,20 +76,24 @@ class StudyBook:
     def put(self, visitor: str, slot: str, study: Study, tell: Tell) -> None:
         """Ask; what stood in the slot is forgotten. An answer that is known comes at once."""
         with self._changed:
-            self._entries.pop((visitor, slot), None)
+            former = self._entries.pop((visitor, slot), None)
             known = self._kept.get(study)
             if known is None:
                 self._entries[visitor, slot] = _Entry(study, tell)
                 self._changed.notify_all()
-                return
-            self._kept.move_to_end(study)
-        _tell(tell, slot, known[0])
+            else:
+                self._kept.move_to_end(study)
+        _end(former)
+        if known is not None:
+            _tell(tell, slot, known[0])
 
     def drop(self, visitor: str, slot: str | None = None) -> None:
         """Forget one question of a visitor, or all of them."""
         with self._changed:
-            for key in [key for key in self._entries if key[0] == visitor and slot in (None, key[1])]:
-                del self._entries[key]
+            keys = [key for key in self._entries if key[0] == visitor and slot in (None, key[1])]
+            dropped = [self._entries.pop(key) for key in keys]
+        for entry in dropped:
+            _end(entry)
 
     @property
     def num_waiting(self) -> int:
@@ -117,6 +121,9 @@ class StudyBook:
             _log.exception("a study failed: %s", entry.study)
             trouble = f"something unexpected went wrong ({type(error).__name__}: {error})"
             self._settle(key, entry, Finding(entry.study, trouble=trouble))
+        finally:
+            if not self._holds(key, entry):
+                _end(entry)
 
     def _advance(self, key: tuple[str, str], entry: _Entry, is_wanted_elsewhere: Callable[[], bool]) -> None:
         if entry.answers is None:
@@ -156,6 +163,12 @@ class StudyBook:
             self._kept_bytes += size
             while self._kept_bytes > KEPT_BYTES:
                 self._kept_bytes -= self._kept.popitem(last=False)[1][1]
+
+
+def _end(entry: _Entry | None) -> None:
+    """Let go of an iterator that refers to its entry, so that what it holds ends now and not with the next sweep."""
+    if entry is not None:
+        entry.answers = None
 
 
 def num_bytes(value: object) -> int:

@@ -52,6 +52,11 @@ class Studying:
                 self._asked[slot] = study
                 self._engine.study(self._visitor, slot, study, lambda slot, finding: self._post(Found(slot, finding)))
 
+    def drop(self, slot: str) -> None:
+        """This answer is not wanted any more, whatever else is."""
+        if slot in self._asked:
+            self.want({name: study for name, study in self._asked.items() if name != slot})
+
     def take(self, found: Found) -> bool:
         """Fold one letter; whether it is about what is asked now."""
         if self._asked.get(found.slot) != found.finding.study:

@@ -11,6 +11,7 @@ from typing import TypeVar, get_args
 from app import intents as ask
 from app.compare_view import CompareIntent, CompareView, reduce_compare
 from app.inside_view import SITE_PATTERN, InsideIntent, InsideView, reduce_inside
+from app.show_view import Order, ShowIntent, ShowView, TakeAway, reduce_show
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -80,6 +81,7 @@ class ViewState:
     voxel_bin: int | None = None
     inside: InsideView = field(default_factory=InsideView)
     compare: CompareView = field(default_factory=CompareView)
+    show: ShowView = field(default_factory=ShowView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
@@ -89,11 +91,22 @@ def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
     if isinstance(intent, CompareIntent):
         now = limits.windows[limits.clamp_index(state.index)].t_start if limits.windows else None
         return replace(state, compare=reduce_compare(state.compare, intent, now))
+    if isinstance(intent, ShowIntent):
+        is_playing = state.is_playing and not isinstance(intent, TakeAway)  # both would want the network
+        return replace(
+            state, is_playing=is_playing, show=reduce_show(state.show, intent, lambda wanted: _order(state, wanted))
+        )
     return (
         _reduce_playback(state, intent, limits)
         or _reduce_source(state, intent, limits)
         or _reduce_look(state, intent, limits)
     )
+
+
+def _order(state: ViewState, wanted: TakeAway) -> Order | None:
+    if state.policy is None:
+        return None
+    return Order(wanted, state.recording_id, state.model_id, state.precision, state.policy, state.index, state.query)
 
 
 def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState | None:
@@ -157,7 +170,9 @@ def _reduce_look(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewSt
     match intent:
         case ask.Query(x, y):
             width, height = (limits.sensor.width, limits.sensor.height) if limits.sensor else (65_536, 65_536)
-            return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)))
+            # In public the picture waits for who touches it; elsewhere playing goes on under the maps.
+            goes_on = state.is_playing and not state.show.is_demo
+            return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)), is_playing=goes_on)
         case ask.QueryFraction(x, y):
             if limits.sensor is None:
                 return state

@@ -55,6 +55,8 @@ class Page:
     """What is known of the studies that this view wants, by slot."""
     lanes: tuple[LaneShown, ...] = ()
     """What is compared at this moment, the main lane first; empty while nothing is."""
+    link: str = ""
+    """The moment on show as a value for an address; empty while it moves."""
 
 
 class Panel(Protocol):

@@ -9,12 +9,15 @@ import viser
 from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
+from app.panels.public import caption_html
 from app.present import camera_frame_html, event_image_html, provenance_html, site_words
 from app.present.cloud import EventCloud
 from app.present.links import LINK_COLOURS, link_words, links_of
 from etnet.render.colours import OFF, ON, hexadecimal
 
 _HELP = f'<span><button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button></span>'
+
+_WAY_BACK = f'<span><button class="etv-home-button" data-k="workspace:demo" {ON_PICK}>Back to the demo</button></span>'
 
 
 class Provenance:
@@ -29,8 +32,9 @@ class Provenance:
         if page.moment is None:
             self._strip.show(_HELP)
             return
+        way_back = _WAY_BACK if page.state.show.is_demo and page.state.workspace != "demo" else ""
         strip = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
-        self._strip.show(f'<div class="etv-provenance">{strip}</div>{_HELP}')
+        self._strip.show(f'<div class="etv-provenance">{strip}</div>{way_back}{_HELP}')
 
 
 class SceneLegend:
@@ -47,7 +51,9 @@ class SceneLegend:
 
     def show(self, page: Page) -> None:
         """Also the mark by which the theme knows the workspace."""
-        mark = f'<i data-etv-workspace="{page.state.workspace}"></i>'
+        mark = f'<i data-etv-workspace="{page.state.workspace}" data-etv-moment="{page.link}"></i>'
+        if page.state.show.is_demo:
+            mark += f"<i data-etv-public></i>{caption_html(page.state.show.act)}"
         if page.state.workspace == "attention":
             self._legend.show(mark + _over_scene(_map_words(page) + _link_words(page)))
             return

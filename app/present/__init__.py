@@ -4,7 +4,7 @@ Put `STYLE` on the page once. Every panel is one string; clicks are told by `dat
 attribute that the caller passes as `on_pick` (trusted: everything else is escaped).
 """
 
-from app.present.attention import attention_html, attention_image
+from app.present.attention import attention_html, attention_image, places_html
 from app.present.attention_maps import AttentionLook, site_words
 from app.present.cloud import EventCloud, event_cloud
 from app.present.moment import ARRAYS, PICTURES, Moment
@@ -39,6 +39,7 @@ __all__ = [
     "event_image_html",
     "event_picture",
     "now_html",
+    "places_html",
     "provenance_html",
     "reconstruction_html",
     "reconstruction_image",

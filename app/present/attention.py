@@ -88,6 +88,26 @@ def attention_image(ready: Ready, look: AttentionLook, site: str) -> UInt8[np.nd
     )
 
 
+def places_html(ready: Ready | None, look: AttentionLook | None, site: str, *, on_pick: str = "") -> str:
+    """One map alone, large, for those who do not ask for more; says what to do when there is nothing to show."""
+    attention = None if ready is None else ready.attention
+    if look is None:
+        return panel("places", empty("Touch a picture", "Then this shows what the network reads to redraw that spot."))
+    if ready is None or attention is None or site not in attention.sites:
+        return panel("places", empty("One moment", "It is computed together with the next image."))
+
+    def make() -> str:
+        image = attention_image(ready, look, site)
+        assert image is not None
+        height, width = ready.frame.shape
+        name = f"What pixel {look.query} reads"
+        shown = picture(data_url(image, is_lossless=False), name, key="pixel", on_pick=on_pick, size=(width, height))
+        words = site_words(site, attention.sites)
+        return f'{shown}<div class="et-note">{escape(words)}</div>'
+
+    return panel("places", PICTURES.text(("places", ready.key, look, site, on_pick), make))
+
+
 def _nbytes(array: np.ndarray) -> int:
     return array.nbytes
 

@@ -200,6 +200,7 @@ def _write(config: Source, take: Take, policy: Policy, progress: Progress) -> st
 
 def _write_page(config: Page, take: Take, policy: Policy, progress: Progress) -> str:
     from etnet.export.page import PageConfig, write_page
+    from etnet.export.pictures import card_gamma
     from etnet.nets.weights import load_model
 
     others = tuple(load_model(name, config.device, config.precision) for name in config.also)
@@ -235,13 +236,8 @@ def parse_queries(texts: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
         raise EtnetError(f"queries {' '.join(texts)} are not understood; write pixels as X,Y, e.g. 120,90") from None
 
 
-def card_gamma(model: Any) -> float:
-    """The display gamma that a model's card asks for; 1 without one."""
-    return float(getattr(model, "card", {}).get("display_gamma", 1.0))
-
-
 def _look(config: Pictures, take: Take):
-    from etnet.export.pictures import Look
+    from etnet.export.pictures import Look, card_gamma
 
     gamma = config.gamma if config.gamma is not None else card_gamma(take.playback.model)
     return Look(config.panels, gamma, config.scale, config.stamps)

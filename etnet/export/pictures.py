@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -45,6 +45,11 @@ class Look:
     def is_grey(self) -> bool:
         """Whether pictures have one channel."""
         return set(self.panels) <= {"reconstruction", "camera"}
+
+
+def card_gamma(model: Any) -> float:
+    """The display gamma that a model's card asks for; 1 without one."""
+    return float(getattr(model, "card", {}).get("display_gamma", 1.0))
 
 
 Picture = UInt8[np.ndarray, "h w"] | UInt8[np.ndarray, "h w 3"]

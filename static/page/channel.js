@@ -47,6 +47,17 @@
   });
   for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => (held = null));
 
+  // In public the show lets go of the page at the first touch, wherever it is.
+  let touched = 0;
+  const touch = (event) => {
+    if (event.timeStamp - touched < 500 || !document.querySelector("[data-etv-public]")) return;
+    touched = event.timeStamp;
+    say("touch");
+  };
+  for (const kind of ["pointerdown", "keydown", "wheel"]) {
+    document.addEventListener(kind, touch, { capture: true, passive: true });
+  }
+
   // Keys that viser's commands do not know. Not while something is being typed.
   const keys = { ",": "comma", ".": "period", "?": "question" };
   document.addEventListener("keydown", (event) => {
@@ -74,7 +85,49 @@
     waiting = setTimeout(() => say("size", ...size()), 150);
   });
 
-  document.title = "ET-Net viewer";
+  // A moment as a link: C copies the address of what is on show. The address that this page was opened by is told
+  // once; on a reload the page rather returns to where it was.
+  const copy = async () => {
+    const moment = document.querySelector("[data-etv-moment]")?.dataset.etvMoment;
+    if (!moment) return;
+    const address = `${location.origin}${location.pathname}?moment=${moment}`;
+    try {
+      await navigator.clipboard.writeText(address);
+      say("copied", 1);
+    } catch {
+      const field = document.createElement("textarea");
+      field.value = address;
+      document.body.append(field);
+      field.select();
+      const isDone = document.execCommand("copy");
+      field.remove();
+      say("copied", isDone ? 1 : 0);
+    }
+  };
+  document.addEventListener("keydown", (event) => {
+    const typing = event.target.closest?.("input:not([type=checkbox]), textarea, [contenteditable=true]");
+    const plain = !event.ctrlKey && !event.metaKey && !event.altKey && !event.repeat;
+    if (!typing && plain && event.key.toLowerCase() === "c") copy();
+  });
+  document.addEventListener("click", (event) => {
+    if (event.target.closest?.("[data-etv-copy]")) copy();
+  });
+  const follow = () => {
+    const moment = new URLSearchParams(location.search).get("moment");
+    const kind = performance.getEntriesByType("navigation")[0]?.type;
+    if (moment && !(kind === "reload" && sessionStorage.getItem("etnet-moment") === moment)) say("link", moment);
+    try {
+      sessionStorage.setItem("etnet-moment", moment ?? "");
+    } catch {
+      // a page that may keep nothing follows its address each time
+    }
+  };
+
+  document.title = "ET-Net viewer"; // viser sets its own once it runs
   place();
   window.etnetHello();
+  follow();
+  const tour = document.createElement("script");
+  tour.src = "/static/tour.js";
+  document.head.append(tour);
 })();

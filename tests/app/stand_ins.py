@@ -51,6 +51,12 @@ class Shelf:
     def entries(self):
         return tuple(Entry(i, f"recording {i}", "data", "", None) for i in ("a", "b", "broken"))
 
+    def entry(self, recording_id):
+        found = next((entry for entry in self.entries() if entry.id == recording_id), None)
+        if found is None:
+            raise CatalogueError("no such recording")
+        return found
+
     def models(self):
         return (ModelEntry("m", "a network", "", True, (0.1, 1.0), 5, "m"),)
 
@@ -59,7 +65,7 @@ class Shelf:
             raise CatalogueError("no such model")
         return self.models()[0]
 
-    def open(self, recording_id):
+    def open(self, recording_id, progress=None):
         if recording_id not in self.recordings:
             raise RecordingError("broken.h5: the file ends at byte 12; copy it again")
         return self.recordings[recording_id]
@@ -98,6 +104,7 @@ class InstantEngine:
 
     def study(self, visitor, slot, study, tell):
         self.studies.append((visitor, slot, study))
+        self.tell = tell
 
     def drop_study(self, visitor, slot):
         self.studies.append((visitor, slot, None))
@@ -120,16 +127,15 @@ class Served:
 
 
 @contextlib.contextmanager
-def served():
+def served(view=lambda default: default, most_visitors=None):
     shelf, engine, sessions = Shelf(), InstantEngine(), {}
+    default = view(ViewState(recording_id="a", model_id="m", precision="fp32"))
 
     def visit(client):
-        sessions[client.client_id] = Session(
-            client, shelf, engine, ViewState(recording_id="a", model_id="m", precision="fp32")
-        )
+        sessions[client.client_id] = Session(client, shelf, engine, default)
         return sessions[client.client_id]
 
-    server = start_server(Address(), free_port("127.0.0.1", 18_600), visit)
+    server = start_server(Address(), free_port("127.0.0.1", 18_600), visit, most_visitors)
     try:
         yield Served(server.get_port(), engine, shelf, sessions)
     finally:

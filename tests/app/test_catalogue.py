@@ -17,6 +17,7 @@ from app.catalogue import (
 from app.config import ConfigError, ViewerConfig
 from etnet.bundled import samples
 from etnet.errors import EtnetError, WeightsError
+from etnet.export.video import video_writer
 from etnet.windows import BetweenFrames, ByDensity
 from tests.real_data import real_file
 
@@ -56,7 +57,7 @@ def test_ids_tell_no_path_and_stay_the_same(folder):
     assert [entry.id for entry in first] == [entry.id for entry in second]
     for entry in first:
         assert "/" not in entry.id
-        assert entry.title not in entry.id or entry.kind == "on demand"
+        assert entry.title not in entry.id or entry.kind in ("on demand", "bundled")
         assert str(folder) not in repr(entry)
 
 
@@ -214,3 +215,22 @@ def test_the_command_line_is_the_configuration(tmp_path):
     assert config.region == (1, 2, 30, 40)
     assert config.downsample == 2
     assert config.budget_bytes == 1024 << 20
+
+
+def test_a_video_is_opened_as_an_event_sensor_sees_it_and_nothing_stays_on_the_disk(tmp_path):
+    video = tmp_path / "clip.mp4"
+    with video_writer(video, 64, 48, 50.0) as append:
+        for i in range(8):
+            append(np.roll(np.tile(np.arange(0, 256, 4, dtype=np.uint8), (48, 1)), 2 * i, 1))
+    catalogue, told = Catalogue(ViewerConfig(data=tmp_path)), []
+    entry = next(entry for entry in catalogue.entries() if entry.title == "clip.mp4")
+    recording = catalogue.open(entry.id, told.append)
+    assert recording.num_events > 500
+    assert len(recording.ground_truth) == 8
+    assert any("simulated from a video" in remark.text for remark in recording.remarks)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    made = recording.path
+    catalogue.close()
+    assert not made.parent.exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["clip.mp4"]

@@ -1,3 +1,5 @@
+import gc
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -178,3 +180,39 @@ def test_news_of_a_question_that_is_no_longer_asked_is_no_news():
 def test_bytes_of_an_answer_are_those_of_its_arrays():
     assert num_bytes({"a": [np.zeros(10, np.float32), (np.zeros(2),)]}) == 40 + 16
     assert num_bytes(Finding(Counting(wish(0)), np.zeros(100, np.uint8))) >= 100
+
+
+ENDED = threading.Semaphore(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """Holds something until it is not wanted any more."""
+
+    wish: Wish
+
+    def run(self, stage, cancelled):
+        try:
+            while True:
+                yield cancelled(), 0.5
+        finally:
+            ENDED.release()
+
+
+@pytest.mark.parametrize("leave", ["drop the slot", "drop the visitor", "ask something else"])
+def test_what_a_study_holds_is_let_go_when_nobody_wants_it_and_not_with_the_next_sweep(engine, leave):
+    notes = Notes()
+    gc.disable()
+    try:
+        engine.study("ada", "slot", Holding(wish(3)), notes)
+        notes.wait(lambda reply: reply[1].share == 0.5)
+        match leave:
+            case "drop the slot":
+                engine.drop_study("ada", "slot")
+            case "drop the visitor":
+                engine.drop("ada")
+            case _:
+                engine.study("ada", "slot", Counting(wish(3)), notes)
+        assert ENDED.acquire(timeout=5)
+    finally:
+        gc.enable()

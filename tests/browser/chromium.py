@@ -58,6 +58,7 @@ def open_page(browser, url, width=1280, height=720, context=None):
     if context is None:
         phone = {"is_mobile": True, "has_touch": True, "device_scale_factor": 2} if width < 500 else {}
         context = browser.new_context(viewport={"width": width, "height": height}, **phone)
+        context.add_init_script("localStorage.setItem('etnet-tour', 'seen')")
     page = context.new_page()
     page.set_default_timeout(PATIENCE)
     page.errors = []

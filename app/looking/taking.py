@@ -1,0 +1,234 @@
+"""What a visitor takes home, made while nobody waits: the model's steps on the engine's thread, the file beside it.
+
+The writers are those of `etnet export`, so that files are the same. They run in a thread of their own and ask for
+steps; between two steps wishes are granted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING, Any, cast
+
+from app.show_view import Order, Parcel
+from app.studies import KEPT_BYTES, Study
+from app.studio import Stage
+from app.view_state import ViewState
+from app.wishes import Wish
+from etnet.errors import Cancelled, EtnetError
+
+if TYPE_CHECKING:
+    from etnet.export.take import Progress, Take
+    from etnet.playback.playback import Playback
+
+SLOT = "take away"
+LARGEST = KEPT_BYTES
+"""Bytes that are handed out through the page at most; larger ones are made by the command line."""
+MOST_WINDOWS = 20_000
+PATIENCE = 0.5
+"""Seconds in which a writer that works on its own, without a step, holds the engine up at most."""
+ENDINGS: dict[Parcel, str] = {
+    "mp4": "mp4", "gif": "gif", "png": "png", "npz": "npz", "h5": "h5", "csv": "csv", "page": "html",
+    "session": "session.json",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Made:
+    """A whole file, by the name under which it is handed over."""
+
+    name: str
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Taking:
+    """The study that makes one file. Its answer is `None` until it is a `Made`."""
+
+    order: Order
+
+    @property
+    def wish(self) -> Wish:
+        """The playback that it needs."""
+        order = self.order
+        return Wish(order.recording_id, order.model_id, order.precision, order.policy, order.index)
+
+    def run(self, stage: Stage, cancelled: Callable[[], bool]) -> Iterator[tuple[Made | None, float]]:
+        """One step of the network, or a moment's wait for the writer, between two yields."""
+        take = _take_of(self.order, stage)
+        relay = cast(Any, take.playback)
+        with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
+            name = f"{_plain(take.recording.name)}.{ENDINGS[self.order.wanted.parcel]}"
+            path = Path(folder) / name
+            writer = _Writer(partial(write, self.order, take, path), relay, stage.contract.threads)
+            try:
+                while not writer.is_done:
+                    with suppress(Cancelled):  # somebody waits for a frame: it comes first, the writer's step after it
+                        relay.serve(cancelled)
+                    yield None, min(writer.share, 0.99)
+                writer.raise_failure()
+            finally:
+                writer.stop()
+            size = path.stat().st_size
+            if size > LARGEST:
+                raise EtnetError(
+                    f"{name} comes to {size / 1e6:.0f} MB; a page hands out at most {LARGEST / 1e6:.0f}: "
+                    "take fewer windows, or use `etnet export`"
+                )
+            made = Made(name, path.read_bytes())
+        yield made, 1.0
+
+
+def taking_studies(state: ViewState, wish: Wish) -> Mapping[str, Study]:
+    """The file that was ordered, if any."""
+    return {} if state.show.order is None else {SLOT: Taking(state.show.order)}
+
+
+def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
+    """Write one file with the command line's own writer and its defaults."""
+    from etnet.export.arrays import ArrayName, ArraysChoice, write_arrays
+    from etnet.export.page import PageConfig, write_page
+    from etnet.export.pictures import Look, card_gamma, draw
+    from etnet.export.session_file import record_session, write_session
+    from etnet.export.table import write_table
+    from etnet.export.video import write_gif, write_video
+
+    wanted, gamma = order.wanted, card_gamma(take.playback.model)
+    look = Look(wanted.panels, gamma, 1, wanted.has_stamps)
+    match wanted.parcel:
+        case "mp4":
+            write_video(take, path, look, wanted.speed, progress, is_cancelled)
+        case "gif":
+            write_gif(take, path, look, wanted.speed, progress, is_cancelled)
+        case "png":
+            from etnet.export.images import write_png
+
+            moment = next(take.moments(progress=progress, is_cancelled=is_cancelled))
+            write_png(path, draw(moment, look, len(take.playback)))
+        case "npz" | "h5":
+            names: tuple[ArrayName, ...] = ("frames", "voxels") if order.query is None else (
+                "frames", "voxels", "attention")  # fmt: skip
+            queries = () if order.query is None else (order.query,)
+            write_arrays(take, path, ArraysChoice(names, queries), progress, is_cancelled)
+        case "csv":
+            write_table(take, path, progress, is_cancelled)
+        case "page":
+            page = PageConfig(title=take.recording.name, gamma=gamma)
+            write_page(take, order.policy, path, page, (), progress, is_cancelled)
+        case "session":
+            write_session(record_session(take, order.policy, progress=progress, is_cancelled=is_cancelled), path)
+
+
+class _Relay:
+    """A playback as a writer's thread sees it: its steps are made on the engine's thread, one at a time."""
+
+    def __init__(self, playback: Playback) -> None:
+        self.recording, self.windows, self.model = playback.recording, playback.windows, playback.model
+        self._playback = playback
+        self._asked: SimpleQueue[tuple[int, Any]] = SimpleQueue()
+        self._answers: SimpleQueue[Any] = SimpleQueue()
+        self._open: tuple[int, Any] | None = None
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def at(self, index: int, probe: Any = None, **_: object) -> Any:
+        """The step of a window. Called by the writer; waits for the engine."""
+        self._asked.put((index, probe))
+        answer = self._answers.get()
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
+
+    def serve(self, cancelled: Callable[[], bool]) -> None:
+        """Make the step that is asked for, or wait a moment for one. A step that is `Cancelled` is still owed."""
+        if self._open is None:
+            try:
+                self._open = self._asked.get(timeout=PATIENCE / 10)
+            except Empty:
+                return
+        index, probe = self._open
+        try:
+            answer = self._playback.at(index, probe, cancelled=cancelled)
+        except Cancelled:
+            raise
+        except Exception as error:
+            answer = error
+        self._open = None
+        self._answers.put(answer)
+
+    def give_up(self) -> None:
+        """Let a writer that waits go."""
+        self._answers.put(Cancelled("what was to be taken away is not wanted any more"))
+
+
+class _Writer:
+    """A thread that writes one file."""
+
+    def __init__(self, work: Callable[[Progress, Callable[[], bool]], None], relay: _Relay, num_threads: int) -> None:
+        self._num_threads = num_threads
+        self.share = 0.0
+        self._relay = relay
+        self._failure: BaseException | None = None
+        self._is_stopped = False
+        self._thread = Thread(target=self._run, args=(work,), daemon=True, name="taking away")
+        self._thread.start()
+
+    def _run(self, work: Callable[[Progress, Callable[[], bool]], None]) -> None:
+        import torch
+
+        try:
+            torch.set_num_threads(self._num_threads)  # a thread begins with torch's own number, not the engine's
+            work(self._progress, lambda: self._is_stopped)
+        except BaseException as error:  # told to whoever ordered it, on the engine's thread
+            self._failure = error
+
+    def _progress(self, done: int, total: int) -> None:
+        self.share = done / max(total, 1)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended, well or not."""
+        return not self._thread.is_alive()
+
+    def raise_failure(self) -> None:
+        """What went wrong, if anything did."""
+        if self._failure is not None:
+            raise self._failure
+
+    def stop(self) -> None:
+        """End it between two windows, and wait for that."""
+        self._is_stopped = True
+        if self._thread.is_alive():
+            self._relay.give_up()
+            self._thread.join()
+
+
+def _take_of(order: Order, stage: Stage) -> Take:
+    from etnet.export.take import Take
+
+    num_windows = len(stage.windows)
+    wanted = order.wanted
+    if wanted.parcel == "png":
+        first = last = order.index
+    else:
+        first = 0 if wanted.first is None else min(max(wanted.first, 0), num_windows - 1)
+        last = num_windows - 1 if wanted.last is None else min(max(wanted.last, first), num_windows - 1)
+    if last - first >= MOST_WINDOWS:
+        raise EtnetError(
+            f"{last - first + 1:,} windows are more than a page takes away ({MOST_WINDOWS:,}); "
+            "choose a range, or use `etnet export`"
+        )
+    return Take(cast("Playback", _Relay(stage.playback)), first, last + 1)
+
+
+def _plain(name: str) -> str:
+    """A recording's name as a file's: letters, digits and a few signs."""
+    stem = name.removesuffix(".h5").removesuffix(".zip")
+    return "".join(sign if sign.isalnum() or sign in "-_." else "_" for sign in stem).strip(".")[:80] or "recording"

@@ -1,0 +1,120 @@
+"""What a visitor can take home of the recording on show, and the address of the moment."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import viser
+
+from app.inside_view import Change
+from app.looking.taking import SLOT
+from app.panels.base import Dispatch, Html, Page, assign, on_press, seconds_since_touched
+from app.panels.transport import EVERY_FRAME, SPEEDS
+from app.show_view import LeaveIt, Panels, Parcel, TakeAway
+
+PARCELS: dict[str, Parcel] = {
+    "Video (MP4)": "mp4",
+    "Moving picture (GIF)": "gif",
+    "Picture of this window (PNG)": "png",
+    "One page with everything (HTML)": "page",
+    "Arrays (NPZ)": "npz",
+    "Arrays (HDF5)": "h5",
+    "Numbers of every window (CSV)": "csv",
+    "Session to check again (JSON)": "session",
+}
+PANELS: dict[str, Panels] = {
+    "reconstruction": ("reconstruction",),
+    "events, reconstruction": ("events", "reconstruction"),
+    "events, reconstruction, camera": ("events", "reconstruction", "camera"),
+}
+MOVING, PICTURED, RANGED = ("mp4", "gif"), ("mp4", "gif", "png"), ("mp4", "gif", "page", "npz", "h5", "csv", "session")
+_COMMANDS: dict[Parcel, str] = {
+    "mp4": "video", "gif": "gif", "png": "frames", "page": "page", "npz": "arrays", "h5": "arrays", "csv": "csv",
+    "session": "session",
+}  # fmt: skip
+_LINK = '<div class="et"><button class="et-back" data-etv-copy>Copy a link to this moment (C)</button></div>'
+
+
+class TakeAwayPanel:
+    """Choose, make, wait a little, and the browser saves it."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """Widgets hold the choice until it is made; what is being made stands in the view."""
+        Html(gui, _LINK)
+        self._parcel = gui.add_dropdown("Make", tuple(PARCELS))
+        self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
+        self._speed = gui.add_dropdown("Speed", tuple(words for words in SPEEDS if words != EVERY_FRAME))
+        self._has_stamps = gui.add_checkbox("Stamps below", True)
+        self._takes_range = gui.add_checkbox("A range only", False)
+        self._first = gui.add_number("From window", 0, min=0, step=1, visible=False)
+        self._last = gui.add_number("To window", 0, min=0, step=1, visible=False)
+        self._make = gui.add_button("Make it", icon=viser.Icon.DOWNLOAD)
+        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
+        self._news = Html(gui)
+        on_press(self._cancel, LeaveIt(), dispatch)
+
+        @self._make.on_click
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None and (wanted := self._chosen()) is not None:
+                dispatch(wanted)
+
+    def show(self, page: Page) -> None:
+        """Offer what suits the choice, and say how far it has come."""
+        parcel = PARCELS.get(self._parcel.value, "mp4")
+        takes_range = parcel in RANGED and self._takes_range.value
+        is_busy = page.state.show.order is not None
+        finding = page.findings.get(SLOT)
+        is_made = is_busy and (finding is None or not finding.trouble)
+        for handle, is_shown in (
+            (self._panels, parcel in PICTURED),
+            (self._speed, parcel in MOVING),
+            (self._has_stamps, parcel in PICTURED),
+            (self._takes_range, parcel in RANGED),
+            (self._first, takes_range),
+            (self._last, takes_range),
+            (self._make, not is_made),
+            (self._cancel, is_made),
+        ):
+            if handle.visible != is_shown:
+                handle.visible = is_shown
+        if page.moment is not None:
+            last = max(len(page.moment.windows) - 1, 0)
+            if self._last.max != last:
+                self._first.max = self._last.max = last
+                assign(self._last, last)
+                if seconds_since_touched(self._first) > 0.4:
+                    self._first.value = 0
+        self._news.show(_news(page, parcel, is_made))
+
+    def _chosen(self) -> TakeAway | None:
+        parcel = PARCELS.get(self._parcel.value)
+        panels, speed = PANELS.get(self._panels.value), SPEEDS.get(self._speed.value)
+        if parcel is None or panels is None or speed is None:
+            return None  # no page of ours sends another word
+        takes_range = parcel in RANGED and self._takes_range.value
+        first, last = (int(self._first.value), int(self._last.value)) if takes_range else (None, None)
+        return TakeAway(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value))
+
+
+def _news(page: Page, parcel: Parcel, is_made: bool) -> str:
+    finding = page.findings.get(SLOT)
+    if page.moment is None:
+        return '<div class="et"><div class="et-note">Open a recording first.</div></div>'
+    if is_made:
+        share = 0.0 if finding is None else finding.share
+        waits = " et-bar-wait" if finding is None else ""
+        return (
+            '<div class="et" data-testid="taking"><div class="et-lag">'
+            f'<span>being made, {share:.0%}</span><div class="et-bar{waits}"><i style="width:{share:.0%}"></i></div>'
+            "</div></div>"
+        )
+    if page.state.show.order is not None and finding is not None:
+        trouble = f'<div class="et-failed" role="alert" data-testid="taking">{escape(finding.trouble)}</div>'
+        return f'<div class="et">{trouble}</div>'
+    if page.state.inside.change != Change():
+        return (
+            '<div class="et"><div class="et-note">What is made is of the network and the events unchanged.</div></div>'
+        )
+    words = f"The browser saves it. <code>etnet export {_COMMANDS[parcel]}</code> makes the same, of any size."
+    return f'<div class="et"><div class="et-note">{words}</div></div>'

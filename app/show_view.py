@@ -1,0 +1,80 @@
+"""The part of a view that shows things to others: the demo's acts, and what is being taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from etnet.windows import Policy
+
+Act = Literal["none", "events", "image", "places"]
+"""What the demo points at while nobody touches it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointAt:
+    """The demo leads and points at one of its pictures; "none": a visitor leads."""
+
+    act: Act
+
+
+Parcel = Literal["mp4", "gif", "png", "npz", "h5", "csv", "page", "session"]
+"""What can be taken away."""
+Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TakeAway:
+    """Make something of the recording on show to take home, in the background.
+
+    `first` … `last` are windows, both included; `None` takes the recording's ends. `speed` is a share of real time.
+    """
+
+    parcel: Parcel
+    first: int | None = None
+    last: int | None = None
+    panels: Panels = ("reconstruction",)
+    speed: float = 0.1
+    has_stamps: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LeaveIt:
+    """What is being made is not wanted any more, or it has been handed over."""
+
+
+ShowIntent = PointAt | TakeAway | LeaveIt
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What was asked for, and of what: complete in itself, whatever the page shows meanwhile."""
+
+    wanted: TakeAway
+    recording_id: str
+    model_id: str
+    precision: Literal["auto", "fp32", "bf16"]
+    policy: Policy
+    index: int
+    query: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ShowView:
+    """`is_demo`: the page stands in public; it was started so, and no visitor can change that."""
+
+    is_demo: bool = False
+    act: Act = "none"
+    order: Order | None = None
+
+
+def reduce_show(show: ShowView, intent: ShowIntent, about: Callable[[TakeAway], Order | None]) -> ShowView:
+    """The part after `intent`; `about` completes an order by what is on show. In public nothing is handed out."""
+    match intent:
+        case TakeAway():
+            return show if show.is_demo else replace(show, order=about(intent))
+        case LeaveIt():
+            return replace(show, order=None)
+        case PointAt(act):
+            return replace(show, act=act) if show.is_demo else show

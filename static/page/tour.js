@@ -1,0 +1,100 @@
+// The guided tour: five steps that point at parts of the page. It is offered once to a browser, and can be left at any
+// step; it knows the page only by what stands in it, and asks nothing of the server.
+(() => {
+  const STEPS = [
+    [".et-events, [data-testid=events]", "1 of 5 · The sensor", "This sensor takes no pictures. Each pixel reports an <b>event</b> when it became brighter (orange) or darker (blue). A <b>window</b> is the events that make one image."],
+    ["[data-testid=voxels]", "2 of 5 · What the network is given", "The window, cut into five <b>time bins</b> (a voxel grid): in each, brighter counts up and darker counts down."],
+    ["[data-testid=reconstruction]", "3 of 5 · What it makes of them", "The <b>reconstruction</b> comes from events alone. The network carries a <b>state</b> from window to window: its memory. Green <b>exact</b> means: the same, bit for bit, as a run from the start."],
+    ["[data-testid=attention]", "4 of 5 · Where it looks", "Click a pixel of any picture. Each map shows which places (<b>tokens</b>, 8 × 8 pixels) the network read to redraw that spot; each <b>head</b> is one of several such glances, and <b>cross-attention</b> reads a coarser picture."],
+    ["[data-testid=timeline], [data-testid=strip]", "5 of 5 · Time", "Drag here, or press <kbd>space</kbd> to play and <kbd>J</kbd> <kbd>L</kbd> for one window back or on. <kbd>C</kbd> copies a link to the moment, <kbd>?</kbd> explains every word."],
+  ];
+  const KEY = "etnet-tour";
+  const remembered = () => {
+    try {
+      return localStorage.getItem(KEY) !== null;
+    } catch {
+      return true; // a browser that may remember nothing would be asked each time
+    }
+  };
+  const remember = () => {
+    try {
+      localStorage.setItem(KEY, "seen");
+    } catch {
+      // then it is offered again
+    }
+  };
+
+  let step = -1;
+  let card = null;
+  const target = () =>
+    [...document.querySelectorAll(STEPS[step][0])].find((element) => element.checkVisibility() && element.getBoundingClientRect().height > 0);
+  const place = () => {
+    if (!card) return;
+    const frame = card.previousSibling;
+    const box = target()?.getBoundingClientRect();
+    frame.hidden = !box;
+    const size = card.getBoundingClientRect();
+    let left = (innerWidth - size.width) / 2;
+    let top = (innerHeight - size.height) / 2;
+    if (box) {
+      const edge = 6;
+      Object.assign(frame.style, { left: `${box.left - edge}px`, top: `${box.top - edge}px`, width: `${box.width + 2 * edge}px`, height: `${box.height + 2 * edge}px` });
+      left = box.right + 24 + size.width < innerWidth ? box.right + 24 : box.left - size.width - 24 > 0 ? box.left - size.width - 24 : left;
+      top = Math.min(Math.max(box.top, 60), innerHeight - size.height - 20);
+      if (left + size.width > box.left && left < box.right) top = box.top - size.height - 20 > 50 ? box.top - size.height - 20 : box.bottom + 20;
+    }
+    const within = (value, most) => Math.max(8, Math.min(value, most - 8));
+    Object.assign(card.style, { left: `${within(left, innerWidth - size.width)}px`, top: `${within(top, innerHeight - size.height)}px` });
+  };
+  const leave = () => {
+    card?.parentNode.remove();
+    card = null;
+    step = -1;
+    remember();
+  };
+  const show = (number) => {
+    if (number >= STEPS.length) return leave();
+    step = Math.max(number, 0);
+    if (!card) {
+      const layer = document.createElement("div");
+      layer.className = "etv-tour";
+      layer.innerHTML = '<i class="etv-tour-frame"></i><div class="etv-tour-card" role="dialog" aria-label="Guided tour" data-testid="tour"></div>';
+      document.body.append(layer);
+      card = layer.lastChild;
+      card.addEventListener("click", (event) => {
+        const go = event.target.closest("[data-go]")?.dataset.go;
+        if (go === "next") show(step + 1);
+        if (go === "back") show(step - 1);
+        if (go === "leave") leave();
+      });
+    }
+    const [, title, words] = STEPS[step];
+    const next = step === STEPS.length - 1 ? "Done" : "Next";
+    card.innerHTML = `<h3>${title}</h3><p>${words}</p><div><button data-go="leave">Leave the tour</button>${step ? '<button data-go="back">Back</button>' : ""}<button data-go="next" class="etv-tour-next">${next}</button></div>`;
+    card.querySelector(".etv-tour-next").focus({ preventScroll: true });
+    target()?.scrollIntoView({ block: "nearest" });
+    place();
+  };
+  document.addEventListener("keydown", (event) => {
+    if (card && event.key === "Escape") leave();
+  });
+  document.addEventListener("click", (event) => {
+    const asked = event.target.closest?.("[data-etv-tour]");
+    if (!asked) return;
+    // The help that it was asked from would lie over what is pointed at.
+    const buttons = [...(asked.closest("[role=dialog]")?.querySelectorAll("button") ?? [])];
+    buttons.find((button) => button.innerText.trim() === "Close")?.click();
+    show(0);
+  });
+  window.addEventListener("resize", place);
+  setInterval(place, 500); // parts move when pictures come
+
+  // Offered when there is something to point at, to a browser that has not had it, never on a phone or in public.
+  const offer = () => {
+    if (remembered() || innerWidth < 900) return;
+    if (document.querySelector("[data-etv-public]")) return;
+    if (!document.querySelector("[data-testid=reconstruction] img")) return void setTimeout(offer, 500);
+    show(0);
+  };
+  setTimeout(offer, 1500);
+})();

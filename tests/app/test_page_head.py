@@ -1,0 +1,48 @@
+"""The head of the page as it leaves the server: no browser, no session."""
+
+import gzip
+import urllib.error
+import urllib.request
+
+import pytest
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+
+from app.page_head import PageHead, head_html
+from tests.app.stand_ins import served
+
+INDEX = b'<!doctype html><html><head><link\n rel="icon" href="x"/><title>Viser</title></head><body>\x00</body>'
+
+
+def answer(body, kind="text/html; charset=utf-8", packing="identity", status=200):
+    return Response(status, "OK", Headers({"Content-Type": kind, "Content-Encoding": packing}), body)
+
+
+@pytest.mark.parametrize("packing", ["gzip", "identity"])
+def test_title_and_icon_are_ours_and_the_rest_of_the_page_is_as_it_was(packing):
+    packed = gzip.compress(INDEX) if packing == "gzip" else INDEX
+    dressed = PageHead().dressed(answer(packed, packing=packing))
+    body = gzip.decompress(dressed.body) if packing == "gzip" else dressed.body
+    assert body.count(b"<title>") == body.count(b'rel="icon"') == 1
+    assert b"ET-Net viewer" in body
+    assert body.endswith(b"</head><body>\x00</body>")
+    assert dressed.headers["Content-Length"] == str(len(dressed.body))
+
+
+def test_what_is_no_page_goes_out_as_it_is():
+    for plain in (answer(b"\x89PNG", "image/png"), answer(b"no", status=404), answer(b"?", packing="br")):
+        assert PageHead().dressed(plain) is plain
+
+
+def test_only_a_public_address_has_a_picture_and_it_cannot_break_out_of_its_attribute():
+    assert "og:image" not in head_html(None)
+    assert 'content="https://events.example.org/static/social.jpg"' in head_html("https://events.example.org/")
+    assert '"><script>' not in head_html('https://x/"><script>')
+
+
+def test_what_the_head_names_is_served():
+    with served() as viewer:
+        for name in ("icon.svg", "social.jpg", "tour.js"):
+            with urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/static/{name}", timeout=10) as got:
+                assert got.status == 200
+                assert len(got.read()) > 100

@@ -1,0 +1,180 @@
+"""What is taken away through the page: the same files as the command line's, made without holding anybody up."""
+
+import asyncio
+import json
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from app.looking.taking import SLOT, Made, Taking, taking_studies
+from app.show_view import LeaveIt, TakeAway
+from app.studies import Finding
+from app.view_state import Limits, ViewState, reduce
+from app.wishes import Wish
+from etnet.errors import Cancelled, EtnetError
+from etnet.export.arrays import ArraysChoice, write_arrays
+from etnet.export.page import PageConfig, write_page
+from etnet.export.pictures import Look
+from etnet.export.session_file import record_session, write_session
+from etnet.export.table import write_table
+from etnet.export.take import Take
+from etnet.export.video import write_gif, write_video
+from etnet.nets.runtime import contract_of
+from etnet.windows import BetweenFrames
+from tests.app.stand_ins import Browser, served
+from tests.export.recordings_made_up import NUM_WINDOWS, made_up_take
+
+STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=3, query=(9, 7))
+
+
+def stage():
+    playback = made_up_take().playback
+    return SimpleNamespace(playback=playback, windows=playback.windows, contract=contract_of(playback.model))
+
+
+def ordered(**wanted):
+    state = reduce(STATE, TakeAway(**wanted), Limits())
+    return Taking(state.show.order)
+
+
+def made(study, at=None, cancelled=lambda: False):
+    answers = list(study.run(at or stage(), cancelled))
+    assert [share for _, share in answers] == sorted(share for _, share in answers)
+    assert all(value is None for value, _ in answers[:-1])
+    return answers[-1][0]
+
+
+BY_HAND = {
+    "mp4": lambda take, path: write_video(take, path, Look(("events", "reconstruction"), has_stamps=True), 0.5),
+    "gif": lambda take, path: write_gif(take, path, Look(("events", "reconstruction"), has_stamps=True), 0.5),
+    "h5": lambda take, path: write_arrays(
+        take, path, ArraysChoice(("frames", "voxels", "attention"), ((9, 7),))
+    ),
+    "csv": write_table,
+    "page": lambda take, path: write_page(take, BetweenFrames(), path, PageConfig("made up")),
+    "session": lambda take, path: write_session(record_session(take, BetweenFrames()), path),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("parcel", BY_HAND)
+def test_a_file_is_the_command_lines_to_the_byte(parcel, tmp_path):
+    wanted = {"panels": ("events", "reconstruction"), "speed": 0.5, "has_stamps": True, "first": 1, "last": 3}
+    taken = made(ordered(parcel=parcel, **wanted))
+    path = tmp_path / taken.name
+    BY_HAND[parcel](Take(made_up_take().playback, 1, 4), path)
+    assert taken.content == path.read_bytes()
+
+
+def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):
+    taken = made(ordered(parcel="npz"))
+    path = tmp_path / taken.name
+    path.write_bytes(taken.content)
+    with np.load(path) as arrays:
+        expected = np.stack([moment.frame for moment in made_up_take().moments()])
+        assert np.array_equal(arrays["frames"], expected)
+        assert len(arrays["window"]) == NUM_WINDOWS
+        assert any(name.startswith("attention/") for name in arrays)
+
+
+def test_a_picture_is_of_the_window_that_was_on_show():
+    a = made(ordered(parcel="png", first=0, last=0))
+    assert a.content.startswith(b"\x89PNG")
+    other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), TakeAway("png"), Limits()).show.order)
+    assert made(other).content != a.content
+
+
+def _fields(state):
+    return {name: getattr(state, name) for name in state.__dataclass_fields__}
+
+
+def test_a_step_that_had_to_give_way_is_made_after_it_and_nothing_differs():
+    turns = iter(range(10**6))
+    plain, interrupted = ordered(parcel="csv"), ordered(parcel="csv")
+    assert made(interrupted, cancelled=lambda: next(turns) % 3 == 0).content == made(plain).content
+
+
+def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    answers = ordered(parcel="mp4").run(stage(), lambda: False)
+    next(answers)
+    next(answers)
+    assert list(tmp_path.iterdir())
+    answers.close()
+    assert not list(tmp_path.iterdir())
+    assert not [thread for thread in threading.enumerate() if thread.name == "taking away"]
+
+
+def test_what_is_too_large_for_a_page_is_said_with_a_way_out(monkeypatch):
+    monkeypatch.setattr("app.looking.taking.LARGEST", 1000)
+    with pytest.raises(EtnetError, match=r"etnet export"):
+        made(ordered(parcel="h5"))
+
+
+def test_what_a_recording_does_not_have_is_said():
+    study, at = ordered(parcel="png", panels=("camera",)), stage()
+    object.__setattr__(at.playback.recording, "ground_truth", None)
+    with pytest.raises(EtnetError, match="no camera frames"):
+        made(study, at)
+
+
+def test_an_order_stands_whatever_is_looked_at_afterwards_and_only_one_at_a_time():
+    wish = Wish("a", "m", "fp32", BetweenFrames(), 3)
+    assert taking_studies(STATE, wish) == {}
+    first = reduce(STATE, TakeAway("mp4"), Limits())
+    study = taking_studies(first, wish)[SLOT]
+    moved = ViewState(**{**_fields(first), "index": 1, "recording_id": "b"})
+    assert taking_studies(moved, wish)[SLOT] == study
+    assert reduce(first, LeaveIt(), Limits()).show.order is None
+
+
+def visit(story):
+    async def run():
+        with served() as viewer:
+            async with Browser.open(viewer.port, tab=3) as browser:
+                await browser.until_shown("Reconstruction of window 15")
+                await story(viewer, browser)
+
+    asyncio.run(run())
+
+
+def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
+    async def story(viewer, browser):
+        asked = lambda: [study for _, slot, study in viewer.engine.studies if slot == SLOT]  # noqa: E731
+        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
+        await browser.use(browser.widget("Make it"), True)
+        await browser.until(lambda: asked() and asked()[-1] is not None)
+        assert asked()[-1].order.wanted.parcel == "csv"
+        await browser.until_shown("being made, 0%")
+        await browser.use(browser.widget("Cancel"), True)
+        await browser.until(lambda: asked()[-1] is None)
+        await browser.use(browser.widget("Make it"), True)
+        await browser.until(lambda: asked()[-1] is not None)
+        study = asked()[-1]
+        session = next(iter(viewer.sessions.values()))
+        viewer.engine.tell(SLOT, Finding(study, Made("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
+        await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
+        part = next(message for _, kind, message in browser.arrivals if kind == "FileTransferPart")
+        assert part["content"] == b"1,2\n" * 40
+        await browser.until(lambda: session._state.show.order is None)
+
+    visit(story)
+
+
+def test_a_kept_view_holds_no_order():
+    from app.memory import to_text
+
+    assert "order" not in json.dumps(json.loads(to_text(reduce(STATE, TakeAway("mp4"), Limits()))))
+
+
+def test_a_writer_that_fails_says_so_and_ends(monkeypatch):
+    def broken(*_, **__):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("etnet.export.table.write_table", broken)
+    began = time.monotonic()
+    with pytest.raises((OSError, Cancelled), match="no space"):
+        made(ordered(parcel="csv"))
+    assert time.monotonic() - began < 5
