@@ -16,7 +16,7 @@ def page(browser, viewer):
 
 
 def click(page, key):
-    page.locator(f"[data-k='{key}']").first.click()
+    page.locator(f"[data-k='{key}']:visible").first.click()
 
 
 def look_at(page, words):
