@@ -3,6 +3,11 @@
 import os
 from collections import Counter
 
+# Before torch is loaded. Exactness holds for one number of threads, and an engine that a test starts with another
+# number changes the matrix library's for the whole process.
+os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
+
+import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
@@ -14,6 +19,10 @@ install_import_hook(
     ["etnet.events", "etnet.inspection", "etnet.nets", "etnet.playback", "etnet.reconstruction", "etnet.simulation"],
     f"{typecheck.__name__}.enforced",
 )
+
+# A busy machine is no failure.
+hypothesis.settings.register_profile("whatever it takes", deadline=None)
+hypothesis.settings.load_profile("whatever it takes")
 
 _real: Counter[str] = Counter()
 _left_out: Counter[str] = Counter()

@@ -136,7 +136,7 @@ def run(config: Any) -> int:
     config.out.resolve().parent.mkdir(parents=True, exist_ok=True)
     with _taken(config) as (take, policy), progress_callback("exporting") as progress:
         said = _write(config, take, policy, progress)
-    console.print(f"wrote {config.out}: {said}", markup=False)
+    console.print(f"wrote {config.out}: {said}", markup=False, soft_wrap=True)
     return 0
 
 

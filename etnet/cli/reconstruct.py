@@ -53,7 +53,7 @@ def run(config: Reconstruct) -> int:
             f"model {model.name}, {model.runtime.precision}, display gamma {gamma:g}"
         )
         _write(config, recording, model, policy, windows, gamma)
-    console.print(f"wrote {len(windows)} frames to {config.out}")
+    console.print(f"wrote {len(windows)} frames to {config.out}", markup=False, soft_wrap=True)
     return 0
 
 

@@ -97,5 +97,6 @@ def _run_video(config: Simulate, video: Path) -> int:
     config.out.resolve().parent.mkdir(parents=True, exist_ok=True)
     with fraction_callback(f"watching {video.name}") as progress:
         num_events = simulate_video(video, config.out, seen, progress)
-    console.print(f"wrote {config.out}: {num_events:,} events; look at it with etnet-view {config.out}", markup=False)
+    text = f"wrote {config.out}: {num_events:,} events; look at it with etnet-view {config.out}"
+    console.print(text, markup=False, soft_wrap=True)
     return 0

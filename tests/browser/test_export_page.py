@@ -58,20 +58,18 @@ def page_file(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
+def plain_browser(browser) -> Iterator:
+    """A browser of its own, with no WebGL at all: the page must not need any."""
+    launched = browser.browser_type.launch(executable_path=CHROMIUM, args=FLAGS)
+    yield launched
+    launched.close()
 
 
 @pytest.fixture(params=[(1600, 900), (390, 844)], ids=["desk", "phone"])
-def page(browser, page_file, request) -> Iterator:
+def page(plain_browser, page_file, request) -> Iterator:
     """The page, shown; any error, message or request beyond the file itself fails the test."""
     width, height = request.param
-    context = browser.new_context(
+    context = plain_browser.new_context(
         viewport={"width": width, "height": height}, has_touch=width < 600, offline=True, reduced_motion="reduce"
     )
     page = context.new_page()
