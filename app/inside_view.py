@@ -77,6 +77,8 @@ class InsideView:
     is_smooth: bool = False
     shows_links: bool = False
     """Whether the strongest looks of the query are drawn in the scene."""
+    shows_planes: bool = False
+    """Whether the chosen layer's maps of all scales stand behind the frame, instead of the events."""
     pin_a: PinnedMap | None = None
     pin_b: PinnedMap | None = None
     num_back: int = 2
@@ -322,6 +324,7 @@ _CHOSEN: Mapping[str, Callable[[str], object]] = {
     "is_linear": _flag,
     "is_smooth": _flag,
     "shows_links": _flag,
+    "shows_planes": _flag,
     "num_back": _whole(0, MOST_BACK),
     "level": _whole(1, 3),
     "plane": _word(Plane),

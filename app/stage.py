@@ -13,12 +13,14 @@ from app import intents as ask
 from app.layout import place_camera
 from app.panels.base import Page
 from app.present import EventCloud, Moment, attention_image, event_cloud, reconstruction_image
+from app.present.attention import stacked_maps
 from app.present.found import Traced
 from app.present.links import links_of
 from app.present.traced import traced_cloud
 from app.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
 from app.scene.frame_plane import FramePlane
 from app.scene.links import LinksNode
+from app.scene.map_planes import MapPlanes
 from app.scene.space import Space
 
 LAGGING = 0.45
@@ -33,6 +35,7 @@ class Stage:
         self._cloud = CloudNode(client.scene)
         self._plane = FramePlane(client.scene, dispatch)
         self._links = LinksNode(client.scene)
+        self._maps = MapPlanes(client.scene)
         self._placed: tuple[Space, ask.Camera, float] | None = None
 
     def show(self, page: Page) -> EventCloud | None:
@@ -40,7 +43,8 @@ class Stage:
         if page.moment is None:
             return None
         state, space = page.state, Space(page.moment.recording.sensor)
-        shows_cloud = state.shows_events and state.camera != "front" and state.workspace != "demo"
+        maps = _maps(page)
+        shows_cloud = not maps and state.shows_events and state.camera != "front" and state.workspace != "demo"
         cloud = _cloud(page, page.moment) if shows_cloud else None
         key, picture = _picture(page)
         with self._client.atomic():
@@ -48,6 +52,7 @@ class Stage:
             if cloud is not None:
                 self._cloud.show(space, cloud)
             self._plane.show(space, key, picture)
+            self._maps.show(space, _maps_key(page), tuple(image for _, image in maps))
             self._links.show(space, state.query, links_of(page.ready, state.query) if state.inside.shows_links else ())
         self.place(space, state.camera)
         return cloud
@@ -68,6 +73,18 @@ def _cloud(page: Page, moment: Moment) -> EventCloud:
     if isinstance(traced, Traced) and found is not None and traced.windows[-1].index == moment.index:
         return traced_cloud(traced, found.study, limit)
     return event_cloud(moment, limit)
+
+
+def _maps(page: Page) -> tuple[tuple[str, UInt8[np.ndarray, "h w 3"]], ...]:
+    """The maps that stand behind the frame: none on a flat view, which would hide them."""
+    state = page.state
+    if not state.inside.shows_planes or state.camera == "front" or page.ready is None or page.look is None:
+        return ()
+    return stacked_maps(page.ready, page.look, state.site)
+
+
+def _maps_key(page: Page) -> object:
+    return None if page.ready is None else (page.ready.key, page.look, page.state.site)
 
 
 def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:

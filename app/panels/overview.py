@@ -11,8 +11,10 @@ from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
 from app.panels.public import caption_html
 from app.present import camera_frame_html, event_image_html, provenance_html, site_words
+from app.present.attention_maps import Site
 from app.present.cloud import EventCloud
 from app.present.links import LINK_COLOURS, link_words, links_of
+from app.present.words import resolution
 from etnet.render.colours import OFF, ON, hexadecimal
 
 _HELP = f'<span><button class="etv-help-button" data-k="help" {ON_PICK} title="Keys and words">?</button></span>'
@@ -59,7 +61,7 @@ class SceneLegend:
             return
         cloud = self._cloud
         if page.moment is None or cloud is None or not _shows_cloud(page):
-            self._legend.show(mark + _over_scene(_link_words(page)))
+            self._legend.show(mark + _over_scene(_plane_words(page) + _link_words(page)))
             return
         drawn = f"{len(cloud.positions):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
         hues = ("made the pixel brighter", "made it darker") if cloud.is_traced else ("brighter (ON)", "darker (OFF)")
@@ -100,6 +102,16 @@ def _map_words(page: Page) -> str:
     words = site_words(page.state.site, attention.sites)
     head = "mean of all heads" if page.state.head is None else f"head {page.state.head + 1}"
     return f'<span>{escape(words)}</span><span class="et-note">{head}</span>'
+
+
+def _plane_words(page: Page) -> str:
+    state = page.state
+    attention = page.ready.attention if page.ready is not None else None
+    if not state.inside.shows_planes or state.camera == "front" or attention is None or page.look is None:
+        return ""
+    scales = sorted({Site.of(name).scale for name in attention.sites})
+    behind = ", ".join(resolution(scale) for scale in scales)
+    return f"<span>behind the image: what this layer reads at {behind}, one behind the other</span>"
 
 
 def _link_words(page: Page) -> str:

@@ -88,6 +88,16 @@ def attention_image(ready: Ready, look: AttentionLook, site: str) -> UInt8[np.nd
     )
 
 
+def stacked_maps(ready: Ready, look: AttentionLook, site: str) -> tuple[tuple[str, UInt8[np.ndarray, "h w 3"]], ...]:
+    """The same layer's site and map at every scale that was probed, the finest first."""
+    if ready.attention is None:
+        return ()
+    _, layer = site.split(".", 1)
+    sites = sorted(name for name in ready.attention.sites if name.split(".", 1)[1] == layer)
+    found = ((name, attention_image(ready, look, name)) for name in sites)
+    return tuple((name, image) for name, image in found if image is not None)
+
+
 def places_html(ready: Ready | None, look: AttentionLook | None, site: str, *, on_pick: str = "") -> str:
     """One map alone, large, for those who do not ask for more; says what to do when there is nothing to show."""
     attention = None if ready is None else ready.attention

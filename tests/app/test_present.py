@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -248,6 +249,14 @@ def test_the_attention_image_is_the_networks_own_row(ready):
     image = present.attention_image(ready, LOOK, name)
     assert image.shape == (37, 50, 3)
     assert present.attention_image(ready, LOOK, "scale9.encoder.0.self") is None
+
+
+def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(ready):
+    maps = present.attention.stacked_maps(ready, LOOK, "scale2.encoder.0.self")
+    assert [name for name, _ in maps] == [f"scale{scale}.encoder.0.self" for scale in (1, 2, 3)]
+    for name, image in maps:
+        assert np.array_equal(image, present.attention_image(ready, LOOK, name))
+    assert present.attention.stacked_maps(replace(ready, attention=None), LOOK, "scale2.encoder.0.self") == ()
 
 
 def test_attention_that_tells_little_says_so(ready, monkeypatch):

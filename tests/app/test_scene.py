@@ -1,11 +1,14 @@
 """Where things stand: a click on the plane finds the pixel it was meant for, and a preset shows all of the scene."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.scene.space import Space, box_corners, camera_place
+from app.scene.map_planes import MapPlanes
+from app.scene.space import DEPTH, Space, box_corners, camera_place
 from etnet.events.events import Sensor
 
 SENSORS = st.builds(Sensor, st.integers(1, 1280), st.integers(1, 720))
@@ -50,3 +53,35 @@ def test_every_corner_lies_inside_the_picture_on_any_canvas(camera, sensor, aspe
     assert (depth < place.far).all()
     assert (np.abs(offsets @ down) / depth <= half).all()
     assert (np.abs(offsets @ right) / depth <= half * aspect).all()
+
+
+class Images:
+    """A scene that only holds images."""
+
+    def __init__(self):
+        self.held = {}
+
+    def add_image(self, name, image, width, height, position, **more):
+        handle = SimpleNamespace(image=image, position=position, visible=True, size=(width, height))
+        handle.remove = lambda: self.held.pop(name)
+        self.held[name] = handle
+        return handle
+
+    def seen(self):
+        return [handle for handle in self.held.values() if handle.visible]
+
+
+def test_planes_stand_one_behind_the_other_and_go_when_they_are_not_wanted():
+    images, space = Images(), Space(Sensor(40, 30))
+    planes = MapPlanes(images)
+    pictures = tuple(np.full((30, 40, 3), grey, np.uint8) for grey in (1, 2, 3))
+    planes.show(space, "first", pictures)
+    assert [handle.position[2] for handle in images.seen()] == pytest.approx([DEPTH / 3, 2 * DEPTH / 3, DEPTH])
+    assert [handle.image[0, 0, 0] for handle in images.seen()] == [1, 2, 3]
+    planes.show(space, "first", ())
+    assert images.seen() == []
+    planes.show(space, "second", pictures[:2])
+    assert [handle.position[2] for handle in images.seen()] == pytest.approx([DEPTH / 2, DEPTH])
+    wider = Space(Sensor(80, 30))
+    planes.show(wider, "second", pictures[:1])
+    assert [handle.size for handle in images.held.values()] == [(wider.width, wider.height)]
