@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from app.looking.doctor import doctor_question
 from app.looking.fit import fit_question
 from app.looking.inside import ask_inside
 from app.looking.taking import taking_studies
@@ -14,7 +15,7 @@ from app.wishes import Wish
 Asker = Callable[[ViewState, Wish], Mapping[str, Study]]
 """(view, the wish for its moment) → studies by slot; none while its part of the page is closed."""
 
-ASKERS: tuple[Asker, ...] = (ask_inside, fit_question, taking_studies)
+ASKERS: tuple[Asker, ...] = (ask_inside, fit_question, doctor_question, taking_studies)
 
 
 def questions(state: ViewState, wish: Wish) -> dict[str, Study]:

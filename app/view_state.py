@@ -12,6 +12,7 @@ from app import intents as ask
 from app.compare_view import CompareIntent, CompareView, reduce_compare
 from app.inside_view import SITE_PATTERN, InsideIntent, InsideView, reduce_inside
 from app.show_view import Order, ShowIntent, ShowView, TakeAway, reduce_show
+from app.source_view import SourceIntent, SourceView, reduce_source_view
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -82,6 +83,7 @@ class ViewState:
     inside: InsideView = field(default_factory=InsideView)
     compare: CompareView = field(default_factory=CompareView)
     show: ShowView = field(default_factory=ShowView)
+    source: SourceView = field(default_factory=SourceView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
@@ -96,6 +98,8 @@ def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
         return replace(
             state, is_playing=is_playing, show=reduce_show(state.show, intent, lambda wanted: _order(state, wanted))
         )
+    if isinstance(intent, SourceIntent):
+        return replace(state, source=reduce_source_view(state.source, intent))
     return (
         _reduce_playback(state, intent, limits)
         or _reduce_source(state, intent, limits)

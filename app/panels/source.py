@@ -8,7 +8,10 @@ from typing import Any
 import viser
 
 from app import intents as ask
+from app.channel import ON_PICK
+from app.looking.doctor import SLOT
 from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from app.present.examination import closed_html, doctor_html
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
@@ -30,6 +33,7 @@ class Source:
         self._model = gui.add_dropdown("Network", ("–",))
         self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
         self._facts = Html(gui)
+        self._doctor = Html(gui)
         arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
         on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
@@ -44,6 +48,7 @@ class Source:
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
         self._facts.show(_facts(page))
+        self._doctor.show(_doctor(page))
 
     def _policy_with(self, number: float) -> ask.Intent | None:
         return ask.ChoosePolicy(policy_of(self._kind.value, float(number))) if number > 0 else None
@@ -133,3 +138,14 @@ def _facts(page: Page) -> str:
     remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
     noticed = f"<h3>Noticed on opening</h3><ul>{remarks}</ul>" if remarks else ""
     return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}</div>'
+
+
+def _doctor(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    if not page.state.source.examines:
+        return closed_html(ON_PICK)
+    finding = page.findings.get(SLOT)
+    if finding is not None and finding.study.wish.recording_id != page.moment.recording_id:
+        finding = None  # of the recording before
+    return doctor_html(page.moment, finding, on_pick=ON_PICK)

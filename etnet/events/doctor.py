@@ -140,15 +140,27 @@ class _Tally:
 
 def examine(recording: Recording, progress: Progress | None = None) -> Examination:
     """Look the recording through. `progress` is told the fraction done."""
+    for found, share in look_through(recording):
+        if progress is not None:
+            progress(share)
+        if found is not None:
+            return found
+    raise AssertionError("the last of its findings is whole")
+
+
+def look_through(recording: Recording) -> Iterator[tuple[Examination | None, float]]:
+    """`examine` in short stretches: `None` and the share done after each block, at last all that was found."""
     rates = _rates(recording)
-    duration = max(1, recording.span.duration)
-    mean_rate = recording.num_events * 1e6 / duration
-    shortest_gap = max(_SHORTEST_GAP, int(_GAP_FACTOR * 1e6 / max(mean_rate, 1e-9)))
+    shortest_gap = max(_SHORTEST_GAP, int(_GAP_FACTOR * 1e6 / max(_mean_rate(recording), 1e-9)))
     tally = _Tally(np.zeros(recording.sensor.num_pixels, np.int64))
     for fraction, events in _blocks(recording):
         tally.look(events, shortest_gap)
-        if progress is not None:
-            progress(fraction)
+        yield None, min(fraction, 0.99)
+    yield _findings(recording, rates, tally), 1.0
+
+
+def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> Examination:
+    mean_rate = _mean_rate(recording)
     image = tally.counts.reshape(recording.sensor.height, recording.sensor.width)
     suggested = min(max(1, round(SUGGESTED_DENSITY * recording.sensor.num_pixels)), max(1, recording.num_events))
     hot = _hot_pixels(image)
@@ -182,6 +194,10 @@ def examine(recording: Recording, progress: Progress | None = None) -> Examinati
         advice=_advice(recording, tally, hot, frames),
         count_image=image,
     )
+
+
+def _mean_rate(recording: Recording) -> float:
+    return recording.num_events * 1e6 / max(1, recording.span.duration)
 
 
 def _rates(recording: Recording) -> tuple[float, ...]:
