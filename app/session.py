@@ -94,6 +94,7 @@ class Session:
         self._pushed_at = 0.0
         self._glanced_at = 0.0
         self._cached: object = None
+        self._offer: object = None
         self._showing = Showing(client, catalogue, default)
         self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public)
         self._arrange()
@@ -282,6 +283,9 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
+        offer = self._catalogue.entries(), self._catalogue.growing()
+        self._is_dirty |= offer != self._offer
+        self._offer = offer
         if self._answers.wish is not None and time.monotonic() - self._glanced_at > GLANCE:
             self._glanced_at = time.monotonic()
             cached = self._engine.cached(self._answers.wish)
@@ -353,6 +357,7 @@ class Session:
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
+            self._catalogue.growing(),
             findings=self._studying.findings,
             lanes=self._lanes(moment),
             link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",

@@ -19,6 +19,9 @@ PRECISIONS: dict[ask.Precision, str] = {"auto": "whichever is faster", "fp32": "
 DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
 STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
 
+MOST_NAMED = 5
+GONE = "– not in the folder any more"
+
 
 class Source:
     """What is looked at, and through what."""
@@ -112,6 +115,8 @@ def _offer(
     dropdown: viser.GuiDropdownHandle[Any], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
 ) -> None:
     titles = offered(choices)
+    if chosen and chosen not in titles.values():
+        titles = {GONE: chosen, **titles}  # a dropdown would otherwise name another one than is on show
     if titles and titles != ids:
         ids.clear()
         ids.update(titles)
@@ -122,8 +127,10 @@ def _offer(
 
 
 def _facts(page: Page) -> str:
+    writing = _writing(page.growing)
     if page.moment is None:
-        return f'<div class="et"><div class="et-note">{escape(page.trouble)}</div></div>' if page.trouble else ""
+        said = f'<div class="et-note">{escape(page.trouble)}</div>' if page.trouble else ""
+        return f'<div class="et">{said}{writing}</div>' if said or writing else ""
     recording = page.moment.recording
     truth = recording.ground_truth
     told = [
@@ -137,7 +144,15 @@ def _facts(page: Page) -> str:
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
     remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
     noticed = f"<h3>Noticed on opening</h3><ul>{remarks}</ul>" if remarks else ""
-    return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}</div>'
+    return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}{writing}</div>'
+
+
+def _writing(names: tuple[str, ...]) -> str:
+    """Why a file that is being recorded is not in the list yet."""
+    if not names:
+        return ""
+    listed = escape(", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else ""))
+    return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
 
 
 def _doctor(page: Page) -> str:

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from app.attract import FORBIDDEN
+from app.catalogue import Entry
 from app.channel import parse
 from app.looking.doctor import SLOT, DoctorStudy, doctor_question
 from app.memory import from_text, to_text
+from app.panels.source import GONE
 from app.present import Moment
 from app.present.examination import doctor_html
 from app.source_view import Examine
@@ -22,7 +24,7 @@ from etnet.events.doctor import examine, look_through
 from etnet.events.events import Events
 from etnet.events.recording import Remark, recording_of_events
 from etnet.windows import BetweenFrames, ByCount, plan_windows
-from tests.app.stand_ins import SENSOR, Browser, recording, served
+from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=7)
 WISH = Wish("a", "m", "fp32", BetweenFrames(), 7)
@@ -152,3 +154,25 @@ def test_a_visitor_opens_the_page_waits_and_closes_it():
         await browser.until_shown("Examine this recording")
 
     visit(story, 71)
+
+
+def test_a_recording_that_was_just_made_appears_without_a_reload_and_one_that_is_written_is_named(monkeypatch):
+    names, growing = ["a", "b"], [()]
+    monkeypatch.setattr(Shelf, "entries", lambda self: tuple(Entry(i, f"take {i}", "data", "", None) for i in names))
+    monkeypatch.setattr(Shelf, "growing", lambda self: growing[0])
+
+    async def story(viewer, browser):
+        choice = browser.widgets[browser.widget("Recording")]
+        await browser.until(lambda: list(choice["options"]) == ["take a", "take b"])
+        growing[0] = ("<new>.raw",)
+        await browser.until_shown("once it rests: &lt;new&gt;.raw")
+        growing[0] = ()
+        names.append("c")
+        await browser.until(lambda: "take c" in choice["options"])
+        assert "once it rests" not in browser.html()
+        names.remove("a")
+        await browser.until(lambda: "take a" not in choice["options"])
+        assert choice["value"] == GONE
+        assert "Reconstruction of window 15" in browser.html()
+
+    visit(story, 72)
