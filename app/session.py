@@ -25,13 +25,12 @@ from app.keeper import Keeper
 from app.layout import build_layout
 from app.link import to_link
 from app.looking.lanes import lane_questions, scored, slot_of
-from app.looking.taking import SLOT
 from app.opening import Opened, Opener, Opening, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
-from app.questions import questions
+from app.questions import given_up, questions
 from app.scene.space import Space
 from app.showing import Showing, Shown
 from app.stage import Stage
@@ -329,8 +328,9 @@ class Session:
         self._comparing.ask(state, lanes)
         if not (self._is_moving() or state.is_playing):
             self._studying.want({**questions(state, wish), **lane_questions(state, lanes, self._num_seen)})
-        elif state.show.order is None:
-            self._studying.drop(SLOT)
+        else:
+            for slot in given_up(state):
+                self._studying.drop(slot)
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""

@@ -9,9 +9,12 @@ import viser
 
 from app import intents as ask
 from app.channel import ON_PICK
+from app.looking.cutting import SLOT as CUT
 from app.looking.doctor import SLOT
 from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
 from app.present.examination import closed_html, doctor_html
+from app.present.excerpt import excerpt_html
+from app.studies import Finding
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
@@ -36,6 +39,7 @@ class Source:
         self._model = gui.add_dropdown("Network", ("–",))
         self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
         self._facts = Html(gui)
+        self._cut = Html(gui)
         self._doctor = Html(gui)
         arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
@@ -50,7 +54,8 @@ class Source:
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
-        self._facts.show(_facts(page))
+        self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
+        self._cut.show(_cut(page))
         self._doctor.show(_doctor(page))
 
     def _policy_with(self, number: float) -> ask.Intent | None:
@@ -155,12 +160,34 @@ def _writing(names: tuple[str, ...]) -> str:
     return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
 
 
+def _written(page: Page) -> str:
+    """What is left to say above the doctor's page, which says the rest."""
+    writing = _writing(page.growing)
+    return f'<div class="et">{writing}</div>' if writing else ""
+
+
+def _is_examined(page: Page) -> bool:
+    finding = _examination(page)
+    return page.state.source.examines and finding is not None and finding.is_whole
+
+
+def _examination(page: Page) -> Finding | None:
+    """What is known of the recording on show, and not of the one before it."""
+    finding, moment = page.findings.get(SLOT), page.moment
+    if finding is None or moment is None or finding.study.wish.recording_id != moment.recording_id:
+        return None
+    return finding
+
+
+def _cut(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    return excerpt_html(page.moment, page.state.source, page.findings.get(CUT), on_pick=ON_PICK)
+
+
 def _doctor(page: Page) -> str:
     if page.moment is None:
         return ""
     if not page.state.source.examines:
         return closed_html(ON_PICK)
-    finding = page.findings.get(SLOT)
-    if finding is not None and finding.study.wish.recording_id != page.moment.recording_id:
-        finding = None  # of the recording before
-    return doctor_html(page.moment, finding, on_pick=ON_PICK)
+    return doctor_html(page.moment, _examination(page), on_pick=ON_PICK)

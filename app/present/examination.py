@@ -28,7 +28,7 @@ _COLUMNS, _HIGH = 400, 100
 
 def closed_html(on_pick: str = "") -> str:
     """The way in. Nothing is computed before it is taken."""
-    note = "Its rate, its pixels, its clock, and what was repaired or assumed: every event is looked at once."
+    note = "Its rate, its pixels, its clock, and what was repaired or assumed: its events are looked through once."
     return panel("doctor", _OPEN.format(on_pick), f'<div class="et-note">{note}</div>')
 
 
@@ -105,7 +105,11 @@ def _pictures(found: Examination, on_pick: str) -> str:
     pickable = " et-pick" if on_pick else ""
     rates = _bars(np.asarray(found.rates))
     steps = _bars(np.log1p(np.asarray(found.step_counts)))
-    ticks = "".join(f"<span>{_step(found.step_edges[i])}</span>" for i in range(0, len(found.step_edges), 3))
+    ticks = "".join(
+        f'<span style="grid-column:{i + 1}/span {min(3, len(found.step_edges) - i)}">{_step(edge)}</span>'
+        for i, edge in enumerate(found.step_edges)
+        if i % 3 == 0
+    )
     go = "; click to go there" if on_pick else ""
     return (
         f"<h4>Events a second, up to {rate(found.peak_rate)}{go}</h4>"
