@@ -65,7 +65,7 @@ def _rows(found: Examination) -> str:
         ("Polarity", f"{of_whole(found.num_on / looked, 1)} ON, {of_whole(1 - found.num_on / looked, 1)} OFF"),
         ("Gaps", _gaps(found)),
         ("Equal stamps", f"{count(found.num_equal_stamps)}; at most {count(found.longest_equal_run)} events share one"),
-        ("Repeated", f"{count(found.num_repeated_events)} events are the one before once more"),
+        ("Repeated", f"{count(found.num_repeated_events)} events with stamp, pixel and polarity of the one before"),
         ("Pixels", f"{count(found.num_silent_pixels)} silent, {len(found.hot_pixels)} hot"),
         ("Camera frames", _frames(found)),
     ]
@@ -110,11 +110,11 @@ def _pictures(found: Examination, on_pick: str) -> str:
         for i, edge in enumerate(found.step_edges)
         if i % 3 == 0
     )
-    go = "; click to go there" if on_pick else ""
+    go = "<span>click to go there</span>" if on_pick else ""
     return (
-        f"<h4>Events a second, up to {rate(found.peak_rate)}{go}</h4>"
+        f"<h4>Rate, up to {rate(found.peak_rate)}</h4>"
         f'<div class="et-chart et-short{pickable}" data-testid="rates" {at}>{rates}</div>'
-        f'<div class="et-caption"><span>0 s</span><span>{seconds(length)}</span></div>'
+        f'<div class="et-caption et-ends"><span>0 s</span>{go}<span>{seconds(length)}</span></div>'
         f"<h4>Events of each pixel</h4>{_counts(found, on_pick)}"
         f"<h4>From one event to the next</h4>"
         f'<div class="et-chart et-short" data-testid="steps">{steps}</div>'
@@ -160,7 +160,7 @@ def _counts(found: Examination, on_pick: str) -> str:
     )
     bar = f'<div class="et-legend-bar" style="background:{css_gradient(sequential())}"></div>'
     return (
-        f'{shown}{bar}<div class="et-caption"><span>0</span><span>{count(round(limit))} or more '
+        f'{shown}{bar}<div class="et-caption et-ends"><span>0</span><span>{count(round(limit))} or more '
         "(1 pixel in 200 has more)</span></div>"
     )
 
