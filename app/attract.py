@@ -12,6 +12,7 @@ from app import intents as ask
 from app.compare_view import CompareIntent
 from app.inside_view import InsideIntent
 from app.show_view import Act, PointAt, ShowView
+from app.source_view import SourceIntent
 from app.view_state import ViewState
 
 IDLE = 60.0
@@ -26,7 +27,7 @@ STALLED = 20.0
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
 """Where the third act looks from, as fractions of the picture."""
-FORBIDDEN = ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy | InsideIntent | CompareIntent
+FORBIDDEN = ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy | InsideIntent | CompareIntent | SourceIntent
 """What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
 
 

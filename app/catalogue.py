@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import math
+import time
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Lock
+from threading import Lock, Thread
 from typing import Any, Literal
 
 from app.config import ViewerConfig
+from app.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
 from etnet.bundled import models, samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
 from etnet.events.recording import Recording, Remark
@@ -30,19 +33,16 @@ BASELINES = {"leaky-integrator": "leaky integrator"}
 """What `load_model` knows without weights, and how it is called."""
 WEIGHTS_FORMAT = "etnet-weights-1"
 """`etnet.nets.weights.FORMAT`, whose module needs torch."""
-MAX_ENTRIES = 500
-"""Recordings listed of a --data folder."""
+LOOK_EVERY = 1.0
+"""Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
+_PATIENCE = 20
 RUNNABLE_PIXELS = 160_000
 """Above it a step of the default network takes seconds on two cores; 480×320 is below, 640×480 above."""
 DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
 _log = logging.getLogger(__name__)
-VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
-"""Videos are shown as an event sensor would see them."""
 _SEEN = "simulated from a video (ESIM, contrast 0.2, noise 0.2); `etnet simulate --video` takes other values"
-_BESIDE_EVENTS = {"images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
-_FOLDER_SIGNS = ("events.txt", "events_ts.npy")
 
 
 class CatalogueError(EtnetError):
@@ -89,17 +89,49 @@ class Catalogue:
         self._lock = Lock()
         self._scratch: TemporaryDirectory[str] | None = None
         self._models = tuple(_models(config))
-        self._entries = tuple(_entries(config))
+        self._watch = Watch({} if config.data is None else recordings_in(config.data))
+        self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
+        self._entries = tuple(_entries(config, self._watch.offered))
 
     def entries(self) -> tuple[Entry, ...]:
-        """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched."""
+        """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched.
+
+        Whoever asks sets off a look into the folder, if one is due; what it finds is there when he asks again.
+        """
+        with self._lock:
+            is_due = time.monotonic() >= self._next_look
+            if is_due:
+                self._next_look = math.inf
+        if is_due:
+            Thread(target=self._look_beside, daemon=True, name="watching").start()
         return self._entries
 
-    def rescan(self) -> tuple[Entry, ...]:
-        """Look into the --data folder again, for recordings and for weights."""
-        self._entries = tuple(_entries(self._config))
-        self._models = tuple(_models(self._config))
-        return self._entries
+    def growing(self) -> tuple[str, ...]:
+        """Names of files in the --data folder that are being written; they are offered once they rest."""
+        return self._watch.growing
+
+    def look(self, now: float) -> None:
+        """Look into the --data folder. `now`: seconds of any steady clock. Not from two threads at once."""
+        if self._config.data is None or not self._watch.look(recordings_in(self._config.data), now):
+            return
+        entries = tuple(_entries(self._config, self._watch.offered))
+        known = {entry.id for entry in entries}
+        with self._lock:
+            self._entries = entries
+            for gone in self._open.keys() - known:
+                del self._open[gone]  # closed when its last user lets go of it
+            for gone in self._opening.keys() - known:
+                del self._opening[gone]
+
+    def _look_beside(self) -> None:
+        began = time.monotonic()
+        try:
+            self.look(began)
+        except Exception:  # a folder may vanish under the look; the next one is another
+            _log.warning("the --data folder could not be looked into", exc_info=True)
+        finally:
+            ended = time.monotonic()
+            self._next_look = ended + max(LOOK_EVERY, _PATIENCE * (ended - began))
 
     def models(self) -> tuple[ModelEntry, ...]:
         """The model of the command line, the bundled ones, weights in the --data folder, untrained baselines."""
@@ -182,7 +214,7 @@ class Catalogue:
         with self._lock:
             if self._scratch is None:
                 self._scratch = TemporaryDirectory(prefix="etnet-video-")
-        made = Path(self._scratch.name) / f"{video.stem}-{_digest(video)}.h5"
+        made = Path(self._scratch.name) / f"{video.stem}-{_digest(video)}-{sign_of(video)[1]}.h5"
         if not made.exists():
             simulate_video(video, made, VideoConfig(), progress)
         return made
@@ -205,25 +237,27 @@ def _with_remark(recording: Recording, remark: Remark) -> Recording:
     return replace(recording, remarks=(*recording.remarks, remark))
 
 
-def _entries(config: ViewerConfig) -> Iterator[Entry]:
+def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entry]:
     if config.file is not None:
-        yield _entry(config.file, "file", _size(config.file))
+        yield _entry(config.file, "file", size_of(config.file))
     for path in samples():
         yield _entry(path, "bundled", "simulated, with the frames of an ideal camera")
     if config.data is not None:
-        for path in _recordings_in(config.data):
+        for path, turn in offered.items():
             folder = path.parent.relative_to(config.data)
             where = "" if folder == Path() else f"{folder} · "
-            yield _entry(path, "data", f"{where}{_size(path)}")
+            yield _entry(path, "data", f"{where}{size_of(path)}", turn)
     if not config.demo:
         for sample in SAMPLES.values():
             yield _on_demand(sample)
 
 
-def _entry(path: Path, kind: Kind, subtitle: str) -> Entry:
+def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
     name = path.stem if kind == "bundled" else path.name or str(path)
     # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
     entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{_digest(path)}"
+    if turn:
+        entry_id = f"{entry_id}-{turn}"  # another file by the name of a former one
     return Entry(entry_id, name, kind, subtitle, path)
 
 
@@ -236,38 +270,6 @@ def _on_demand(sample: RemoteSample) -> Entry:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(str(path.resolve()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
-
-
-def _recordings_in(folder: Path) -> list[Path]:
-    from etnet.events.formats.table import FORMATS
-
-    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
-    found: list[Path] = []
-    waiting = [folder]
-    while waiting and len(found) < MAX_ENTRIES:
-        try:
-            inside = sorted(waiting.pop(0).iterdir())
-        except OSError:
-            continue  # a folder we may not look into holds nothing for us
-        for path in inside:
-            if path.name.startswith("."):
-                continue
-            if path.is_dir():
-                is_recording = any((path / sign).is_file() for sign in _FOLDER_SIGNS)
-                (found if is_recording else waiting).append(path)
-            elif path.suffix.lower() in suffixes and path.name.lower() not in _BESIDE_EVENTS:
-                found.append(path)
-    return found[:MAX_ENTRIES]
-
-
-def _size(path: Path) -> str:
-    try:
-        size = path.stat().st_size
-    except OSError:
-        return "cannot be read"
-    if path.is_dir():
-        return "folder"
-    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
 
 
 def _models(config: ViewerConfig) -> Iterator[ModelEntry]:

@@ -15,7 +15,7 @@ from typing import get_args
 
 import viser
 
-from app import inside_view
+from app import inside_view, source_view
 from app import intents as ask
 from app.compare_view import AddLane, ChooseLane, Lane, RemoveLane
 from etnet.events.clean import Cleaning
@@ -142,6 +142,8 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
             return ask.OpenBin(int(name) if name else None)
         case "inside":
             return inside_view.heard(name)
+        case "source":
+            return source_view.heard(name)
         case "lane":
             return _lane(name)
         case "cut":

@@ -8,6 +8,7 @@ from typing import Literal
 from app.compare_view import CompareIntent
 from app.inside_view import InsideIntent
 from app.show_view import ShowIntent
+from app.source_view import SourceIntent
 from etnet.windows import Policy
 
 Workspace = Literal["inspect", "attention", "demo"]
@@ -221,4 +222,5 @@ Intent = (
     | InsideIntent
     | CompareIntent
     | ShowIntent
+    | SourceIntent
 )

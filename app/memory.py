@@ -15,7 +15,7 @@ from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 LARGEST_INDEX = 10**9
 LONGEST_TEXT = 10_000
-_NOT_KEPT = {"is_playing", "moment", "show"}
+_NOT_KEPT = {"is_playing", "moment", "show", "source"}
 
 
 def to_text(state: ViewState) -> str:

@@ -25,13 +25,12 @@ from app.keeper import Keeper
 from app.layout import build_layout
 from app.link import to_link
 from app.looking.lanes import lane_questions, scored, slot_of
-from app.looking.taking import SLOT
 from app.opening import Opened, Opener, Opening, Plan, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
-from app.questions import questions
+from app.questions import given_up, questions
 from app.scene.space import Space
 from app.showing import Showing, Shown
 from app.stage import Stage
@@ -94,6 +93,7 @@ class Session:
         self._pushed_at = 0.0
         self._glanced_at = 0.0
         self._cached: object = None
+        self._offer: object = None
         self._showing = Showing(client, catalogue, default)
         self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public)
         self._arrange()
@@ -282,6 +282,9 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
+        offer = self._catalogue.entries(), self._catalogue.growing()
+        self._is_dirty |= offer != self._offer
+        self._offer = offer
         if self._answers.wish is not None and time.monotonic() - self._glanced_at > GLANCE:
             self._glanced_at = time.monotonic()
             cached = self._engine.cached(self._answers.wish)
@@ -325,8 +328,9 @@ class Session:
         self._comparing.ask(state, lanes)
         if not (self._is_moving() or state.is_playing):
             self._studying.want({**questions(state, wish), **lane_questions(state, lanes, self._num_seen)})
-        elif state.show.order is None:
-            self._studying.drop(SLOT)
+        else:
+            for slot in given_up(state):
+                self._studying.drop(slot)
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
@@ -353,6 +357,7 @@ class Session:
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
+            self._catalogue.growing(),
             findings=self._studying.findings,
             lanes=self._lanes(moment),
             link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",

@@ -14,8 +14,10 @@ from app.catalogue import Catalogue, CatalogueError
 from app.channel import AskHelp, Copied, FollowLink, Touched
 from app.layout import close_modal, show_help
 from app.link import LinkError, from_link
+from app.looking.cutting import SLOT as CUT
 from app.looking.taking import SLOT, Made
 from app.show_view import LeaveIt, PointAt
+from app.source_view import LeaveCut
 from app.studying import Found
 from app.view_state import Limits, ViewState, reduce
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 Shown = AskHelp | Touched | FollowLink | Copied
 """Letters that are answered here."""
+_DONE: dict[str, ask.Intent] = {SLOT: LeaveIt(), CUT: LeaveCut()}
+"""What follows when a file of this slot has been handed over."""
 
 
 class Showing:
@@ -86,12 +90,12 @@ class Showing:
     def hand_over(self, found: Found) -> tuple[ask.Intent, ...]:
         """Let the browser save a file that is made; the order for it is done then."""
         made = found.finding.value
-        if found.slot != SLOT or not isinstance(made, Made):
+        if found.slot not in _DONE or not isinstance(made, Made):
             return ()
         self._client.send_file_download(made.name, made.content, save_immediately=True)
         size = f"{len(made.content) / 1e6:.1f} MB" if len(made.content) >= 1e5 else f"{len(made.content) / 1e3:.0f} kB"
         self._client.add_notification("Made", f"{made.name}, {size}: the browser saves it.", auto_close_seconds=6.0)
-        return (LeaveIt(),)
+        return (_DONE[found.slot],)
 
     def answer(self, letter: Shown, state: ViewState) -> ViewState:
         """Do what a letter asks; the view after it."""

@@ -12,6 +12,7 @@ from app import intents as ask
 from app.compare_view import CompareIntent, CompareView, reduce_compare
 from app.inside_view import SITE_PATTERN, InsideIntent, InsideView, reduce_inside
 from app.show_view import Order, ShowIntent, ShowView, TakeAway, reduce_show
+from app.source_view import CutOrder, Excerpt, SourceIntent, SourceView, reduce_source_view
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -82,6 +83,7 @@ class ViewState:
     inside: InsideView = field(default_factory=InsideView)
     compare: CompareView = field(default_factory=CompareView)
     show: ShowView = field(default_factory=ShowView)
+    source: SourceView = field(default_factory=SourceView)
 
 
 def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
@@ -96,6 +98,10 @@ def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
         return replace(
             state, is_playing=is_playing, show=reduce_show(state.show, intent, lambda wanted: _order(state, wanted))
         )
+    if isinstance(intent, SourceIntent):
+        window = limits.windows[limits.clamp_index(state.index)] if limits.windows else None
+        order = lambda excerpt: _cut_order(state, excerpt)  # noqa: E731
+        return replace(state, source=reduce_source_view(state.source, intent, state.recording_id, window, order))
     return (
         _reduce_playback(state, intent, limits)
         or _reduce_source(state, intent, limits)
@@ -107,6 +113,10 @@ def _order(state: ViewState, wanted: TakeAway) -> Order | None:
     if state.policy is None:
         return None
     return Order(wanted, state.recording_id, state.model_id, state.precision, state.policy, state.index, state.query)
+
+
+def _cut_order(state: ViewState, excerpt: Excerpt) -> CutOrder | None:
+    return None if state.policy is None else CutOrder(excerpt, state.model_id, state.precision, state.policy)
 
 
 def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState | None:

@@ -64,7 +64,7 @@ class Taking:
         take = _take_of(self.order, stage)
         relay = cast(Any, take.playback)
         with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
-            name = f"{_plain(take.recording.name)}.{ENDINGS[self.order.wanted.parcel]}"
+            name = f"{plain_name(take.recording.name)}.{ENDINGS[self.order.wanted.parcel]}"
             path = Path(folder) / name
             writer = _Writer(partial(write, self.order, take, path), relay, stage.contract.threads)
             try:
@@ -228,7 +228,7 @@ def _take_of(order: Order, stage: Stage) -> Take:
     return Take(cast("Playback", _Relay(stage.playback)), first, last + 1)
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """A recording's name as a file's: letters, digits and a few signs."""
     stem = name.removesuffix(".h5").removesuffix(".zip")
     return "".join(sign if sign.isalnum() or sign in "-_." else "_" for sign in stem).strip(".")[:80] or "recording"

@@ -51,6 +51,8 @@ class Page:
     models: tuple[Choice, ...] = ()
     trouble: str = ""
     """Why there is no moment, in plain words."""
+    growing: tuple[str, ...] = ()
+    """Names of recordings that are being written, and will be offered."""
     findings: Mapping[str, Finding] = field(default_factory=dict)
     """What is known of the studies that this view wants, by slot."""
     lanes: tuple[LaneShown, ...] = ()

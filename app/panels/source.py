@@ -8,13 +8,22 @@ from typing import Any
 import viser
 
 from app import intents as ask
+from app.channel import ON_PICK
+from app.looking.cutting import SLOT as CUT
+from app.looking.doctor import SLOT
 from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from app.present.examination import closed_html, doctor_html
+from app.present.excerpt import excerpt_html
+from app.studies import Finding
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
 PRECISIONS: dict[ask.Precision, str] = {"auto": "whichever is faster", "fp32": "fp32", "bf16": "bf16"}
 DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
 STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
+
+MOST_NAMED = 5
+GONE = "– not in the folder any more"
 
 
 class Source:
@@ -30,6 +39,8 @@ class Source:
         self._model = gui.add_dropdown("Network", ("–",))
         self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
         self._facts = Html(gui)
+        self._cut = Html(gui)
+        self._doctor = Html(gui)
         arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
         on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
@@ -43,7 +54,9 @@ class Source:
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
-        self._facts.show(_facts(page))
+        self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
+        self._cut.show(_cut(page))
+        self._doctor.show(_doctor(page))
 
     def _policy_with(self, number: float) -> ask.Intent | None:
         return ask.ChoosePolicy(policy_of(self._kind.value, float(number))) if number > 0 else None
@@ -107,6 +120,8 @@ def _offer(
     dropdown: viser.GuiDropdownHandle[Any], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
 ) -> None:
     titles = offered(choices)
+    if chosen and chosen not in titles.values():
+        titles = {GONE: chosen, **titles}  # a dropdown would otherwise name another one than is on show
     if titles and titles != ids:
         ids.clear()
         ids.update(titles)
@@ -117,8 +132,10 @@ def _offer(
 
 
 def _facts(page: Page) -> str:
+    writing = _writing(page.growing)
     if page.moment is None:
-        return f'<div class="et"><div class="et-note">{escape(page.trouble)}</div></div>' if page.trouble else ""
+        said = f'<div class="et-note">{escape(page.trouble)}</div>' if page.trouble else ""
+        return f'<div class="et">{said}{writing}</div>' if said or writing else ""
     recording = page.moment.recording
     truth = recording.ground_truth
     told = [
@@ -132,4 +149,45 @@ def _facts(page: Page) -> str:
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
     remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
     noticed = f"<h3>Noticed on opening</h3><ul>{remarks}</ul>" if remarks else ""
-    return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}</div>'
+    return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}{writing}</div>'
+
+
+def _writing(names: tuple[str, ...]) -> str:
+    """Why a file that is being recorded is not in the list yet."""
+    if not names:
+        return ""
+    listed = escape(", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else ""))
+    return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
+
+
+def _written(page: Page) -> str:
+    """What is left to say above the doctor's page, which says the rest."""
+    writing = _writing(page.growing)
+    return f'<div class="et">{writing}</div>' if writing else ""
+
+
+def _is_examined(page: Page) -> bool:
+    finding = _examination(page)
+    return page.state.source.examines and finding is not None and finding.is_whole
+
+
+def _examination(page: Page) -> Finding | None:
+    """What is known of the recording on show, and not of the one before it."""
+    finding, moment = page.findings.get(SLOT), page.moment
+    if finding is None or moment is None or finding.study.wish.recording_id != moment.recording_id:
+        return None
+    return finding
+
+
+def _cut(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    return excerpt_html(page.moment, page.state.source, page.findings.get(CUT), on_pick=ON_PICK)
+
+
+def _doctor(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    if not page.state.source.examines:
+        return closed_html(ON_PICK)
+    return doctor_html(page.moment, _examination(page), on_pick=ON_PICK)

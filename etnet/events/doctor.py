@@ -26,6 +26,7 @@ HOT_FACTOR = 10
 """A pixel is hot if it has this many times the events of the busiest of its eight neighbours."""
 
 _BLOCK = 1 << 18
+_LOOKS_AT_ONCE = 10
 _HOT_SHARE = 1e-4
 _MOST_NAMED = 20
 _STEP_EDGES = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 10_000, 100_000, 1_000_000)
@@ -140,15 +141,31 @@ class _Tally:
 
 def examine(recording: Recording, progress: Progress | None = None) -> Examination:
     """Look the recording through. `progress` is told the fraction done."""
-    rates = _rates(recording)
-    duration = max(1, recording.span.duration)
-    mean_rate = recording.num_events * 1e6 / duration
-    shortest_gap = max(_SHORTEST_GAP, int(_GAP_FACTOR * 1e6 / max(mean_rate, 1e-9)))
+    for found, share in look_through(recording):
+        if progress is not None:
+            progress(share)
+        if found is not None:
+            return found
+    raise AssertionError("the last of its findings is whole")
+
+
+def look_through(recording: Recording) -> Iterator[tuple[Examination | None, float]]:
+    """`examine` in short stretches: `None` and the share done after each block, at last all that was found."""
+    indices: list[int] = []
+    for index in _borders(recording):
+        indices.append(index)
+        if len(indices) % _LOOKS_AT_ONCE == 0:
+            yield None, 0.0
+    shortest_gap = max(_SHORTEST_GAP, int(_GAP_FACTOR * 1e6 / max(_mean_rate(recording), 1e-9)))
     tally = _Tally(np.zeros(recording.sensor.num_pixels, np.int64))
     for fraction, events in _blocks(recording):
         tally.look(events, shortest_gap)
-        if progress is not None:
-            progress(fraction)
+        yield None, min(fraction, 0.99)
+    yield _findings(recording, _rates(recording, indices), tally), 1.0
+
+
+def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> Examination:
+    mean_rate = _mean_rate(recording)
     image = tally.counts.reshape(recording.sensor.height, recording.sensor.width)
     suggested = min(max(1, round(SUGGESTED_DENSITY * recording.sensor.num_pixels)), max(1, recording.num_events))
     hot = _hot_pixels(image)
@@ -184,15 +201,27 @@ def examine(recording: Recording, progress: Progress | None = None) -> Examinati
     )
 
 
-def _rates(recording: Recording) -> tuple[float, ...]:
-    """Events per second in equal parts of the span, from the time index alone."""
+def _mean_rate(recording: Recording) -> float:
+    return recording.num_events * 1e6 / max(1, recording.span.duration)
+
+
+def _borders(recording: Recording) -> Iterator[int]:
+    """The first event of each of equal parts of the span, from the time index alone."""
     if recording.num_events == 0 or recording.span.duration == 0:
-        return ()
+        return
     start, duration = recording.span.start, recording.span.duration
     num_bins = min(RATE_BINS, duration)
     # Whole numbers: an epoch stamp in µs has no digits to spare in a float.
-    indices = [recording.index_at(start - (-duration * i // num_bins)) for i in range(num_bins)]
-    return tuple((np.diff([*indices, recording.num_events]) * (1e6 * num_bins / duration)).tolist())
+    for i in range(num_bins):
+        yield recording.index_at(start - (-duration * i // num_bins))
+
+
+def _rates(recording: Recording, borders: list[int]) -> tuple[float, ...]:
+    """Events per second in the parts that begin at these events."""
+    if not borders:
+        return ()
+    per_second = 1e6 * len(borders) / recording.span.duration
+    return tuple((np.diff([*borders, recording.num_events]) * per_second).tolist())
 
 
 def _blocks(recording: Recording) -> Iterator[tuple[float, Events]]:

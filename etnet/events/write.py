@@ -45,6 +45,7 @@ class _Part:
     start: int
     stop: int
     progress: Progress
+    span: tuple[int, int] | None = None
 
     @property
     def num_events(self) -> int:
@@ -71,13 +72,16 @@ def write_recording(
     *,
     start: int = 0,
     stop: int | None = None,
+    span: tuple[int, int] | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Remark, ...]:
     """Write events start … stop − 1 (all by default) with the frames among them, where the layout has frames.
 
-    `layout` is judged by the suffix if not given. What the layout cannot hold is told in the remarks. Raises
-    RecordingError if the file is there already, if the layout cannot hold the events, or if the disk fails.
+    `span` (µs, both ends included) is the stretch that the events stand for, where it is longer than from the first of
+    them to the last: the frames at its ends are written too. `layout` is judged by the suffix if not given. What the
+    layout cannot hold is told in the remarks. Raises RecordingError if the file is there already, if the layout cannot
+    hold the events, or if the disk fails.
     """
     path = Path(path)
     chosen = layout or _SUFFIXES.get(path.suffix.lower())
@@ -92,7 +96,7 @@ def write_recording(
         )
     if path.exists() and not overwrite:
         raise RecordingError(f"{path.name}: is there already; choose another name or allow overwriting")
-    part = _Part(recording, start, stop, progress or (lambda _: None))
+    part = _Part(recording, start, stop, progress or (lambda _: None), span)
     # The suffix stays last, for some writers go by it.
     unfinished = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{path.suffix}")
     try:
@@ -130,13 +134,16 @@ def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
 
 
 def _write_frames(part: _Part, file: h5py.File, first: int, last: int) -> int:
-    """Frames from the last one at or before the first event to the last one at or before the last event."""
+    """Frames from the last one at or before the first event, or `span`, to the last one at or before its end."""
     truth = part.recording.ground_truth
     if truth is None:
         return 0
+    if part.span is not None:
+        first, last = min(first, part.span[0]), max(last, part.span[1])
     begin = max(0, int(np.searchsorted(truth.stamps, first, "right")) - 1)
     end = int(np.searchsorted(truth.stamps, last, "right"))
     for number, index in enumerate(range(begin, end)):
+        part.progress(1.0)  # whoever wants to stop can do so between frames too
         stamp = int(truth.stamps[index])
         pixels = np.rint(np.clip(truth.read_frame(index), 0, 1) * 255).astype(np.uint8)
         image = file.create_dataset(f"images/image{number:09d}", data=pixels, compression="gzip")

@@ -57,6 +57,9 @@ class Shelf:
             raise CatalogueError("no such recording")
         return found
 
+    def growing(self):
+        return ()
+
     def models(self):
         return (ModelEntry("m", "a network", "", True, (0.1, 1.0), 5, "m"),)
 

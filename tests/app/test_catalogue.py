@@ -1,8 +1,10 @@
 import gc
+import math
 import shutil
 import subprocess
 import sys
 import threading
+import time
 import weakref
 
 import numpy as np
@@ -15,6 +17,7 @@ from app.catalogue import (
     suited_policy,
 )
 from app.config import ConfigError, ViewerConfig
+from app.folder import RESTS, recordings_in
 from etnet.bundled import samples
 from etnet.errors import EtnetError, WeightsError
 from etnet.export.video import video_writer
@@ -103,10 +106,78 @@ def test_a_recording_nobody_uses_any_more_is_closed(folder, monkeypatch):
     assert len(in_use.read(0, 90)) == 90
 
 
-def test_a_new_file_is_found_on_looking_again(folder):
+def titles(catalogue):
+    return [entry.title for entry in catalogue.entries() if entry.kind == "data"]
+
+
+def test_a_new_file_is_offered_once_it_rests(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    rows = (folder / "inside" / "good.txt").read_bytes()
+    (folder / "new.txt").write_bytes(rows[:400])
+    catalogue.look(10.0)
+    assert titles(catalogue) == ["broken.h5", "good.txt"]
+    assert catalogue.growing() == ("new.txt",)
+    (folder / "new.txt").write_bytes(rows)
+    catalogue.look(10.0 + RESTS)
+    assert catalogue.growing() == ("new.txt",)  # it was larger than at the last look
+    catalogue.look(10.0 + 2 * RESTS)
+    assert titles(catalogue) == ["broken.h5", "new.txt", "good.txt"]
+    assert catalogue.growing() == ()
+    assert catalogue.open(entry_of(catalogue, "new.txt").id).num_events == 90
+
+
+def test_a_file_by_the_name_of_a_former_one_is_another_recording(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    former = entry_of(catalogue, "good.txt").id
+    assert catalogue.open(former).num_events == 90
+    lines = (folder / "inside" / "good.txt").read_text().splitlines(keepends=True)
+    (folder / "inside" / "good.txt").write_text("".join(lines[:40]))
+    catalogue.look(0.0)
+    assert titles(catalogue) == ["broken.h5"]
+    with pytest.raises(CatalogueError):
+        catalogue.open(former)
+    catalogue.look(RESTS)
+    assert entry_of(catalogue, "good.txt").id != former
+    assert catalogue.open(entry_of(catalogue, "good.txt").id).num_events == 40
+    assert not {former} & (catalogue._open.keys() | catalogue._opening.keys())
+
+
+def test_a_file_that_is_gone_is_not_offered_and_what_stays_keeps_its_id(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    kept = entry_of(catalogue, "good.txt").id
+    (folder / "broken.h5").unlink()
+    catalogue.look(0.0)
+    assert titles(catalogue) == ["good.txt"]
+    assert entry_of(catalogue, "good.txt").id == kept
+
+
+def test_whoever_asks_for_the_list_sets_off_a_look_that_he_does_not_wait_for(folder, monkeypatch):
+    monkeypatch.setattr("app.folder.RESTS", 0.0)
+    monkeypatch.setattr("app.catalogue.LOOK_EVERY", 0.0)
+    monkeypatch.setattr("app.catalogue._PATIENCE", 0)
     catalogue = Catalogue(ViewerConfig(data=folder))
     shutil.copy(folder / "inside" / "good.txt", folder / "new.txt")
-    assert "new.txt" in [entry.title for entry in catalogue.rescan()]
+    ends = time.monotonic() + 10
+    while "new.txt" not in titles(catalogue):
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+
+
+def test_without_a_folder_nothing_is_looked_at(monkeypatch):
+    monkeypatch.setattr("app.catalogue.recordings_in", lambda folder: pytest.fail("there is no folder"))
+    catalogue = Catalogue(ViewerConfig())
+    catalogue.look(0.0)
+    assert catalogue._next_look == math.inf
+
+
+def test_a_recording_in_a_folder_rests_when_all_of_its_files_do(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "events.txt").write_text("2 2\n")
+    before = recordings_in(tmp_path)
+    assert list(before) == [tmp_path / "run"]
+    with (tmp_path / "run" / "events.txt").open("a") as file:
+        file.write("0.1 1 1 1\n")
+    assert recordings_in(tmp_path) != before
 
 
 def test_a_recording_on_demand_is_fetched_when_it_is_opened_and_tells_its_terms(folder, monkeypatch):

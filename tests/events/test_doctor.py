@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from etnet.events.doctor import examine
+from etnet.events.doctor import examine, look_through
 from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
 from etnet.events.recording import GroundTruth, recording_of_events
@@ -59,3 +59,20 @@ def test_slider_depth_is_healthy():
     assert exam.frames is not None
     assert exam.frames.first_after_first_event == -3811
     assert exam.suggested_events == 15_120
+
+
+def test_in_short_stretches_the_same_is_found_and_the_share_only_grows(monkeypatch):
+    rng = np.random.default_rng(3)
+    events = Events(
+        rng.integers(0, 20, 5000).astype(np.uint16), rng.integers(0, 12, 5000).astype(np.uint16),
+        np.sort(rng.integers(0, 10**6, 5000)), rng.choice(np.array([-1, 1], np.int8), 5000), Sensor(20, 12),
+    )  # fmt: skip
+    monkeypatch.setattr("etnet.events.doctor._BLOCK", 700)
+    recording = recording_of_events(events)
+    stretches = list(look_through(recording))
+    shares = [share for _, share in stretches]
+    assert len(stretches) == 20 + 9  # 200 parts of the span, then 8 blocks and what was found
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert all(found is None for found, _ in stretches[:-1])
+    assert stretches[-1][0] == examine(recording)
