@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from etnet.cli.recording import Opening, open_with_progress, write_with_progress
-from etnet.events.cut import events_between
+from etnet.events.cut import events_between, stretch_between
 from etnet.events.write import Layout
 
 
@@ -39,5 +39,6 @@ def run(config: Cut) -> int:
     """Do it; returns the exit code."""
     with open_with_progress(config.source, config.opening) as recording:
         start, stop = events_between(recording, config.begin, config.end)
-        write_with_progress(recording, config.target, config.layout, start, stop, overwrite=config.overwrite)
+        span = stretch_between(recording, config.begin, config.end)
+        write_with_progress(recording, config.target, config.layout, start, stop, span=span, overwrite=config.overwrite)
     return 0

@@ -70,13 +70,14 @@ def write_with_progress(
     start: int = 0,
     stop: int | None = None,
     *,
+    span: tuple[int, int] | None = None,
     overwrite: bool,
 ) -> None:
     """Write events start … stop − 1 with a bar; then say how many, and what was assumed, repaired or left out."""
     stop = recording.num_events if stop is None else stop
     with fraction_callback(f"writing {path.name}") as progress:
         remarks = write_recording(
-            recording, path, layout, start=start, stop=stop, overwrite=overwrite, progress=progress
+            recording, path, layout, start=start, stop=stop, span=span, overwrite=overwrite, progress=progress
         )
     for remark in (*recording.remarks, *remarks):
         console.print(f"  {remark}", markup=False, soft_wrap=True, style="dim")

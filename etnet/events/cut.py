@@ -28,3 +28,10 @@ def events_between(recording: Recording, begin: float = 0.0, end: float | None =
     if start >= stop:
         raise RecordingError(f"{recording.name}: there is no event from {begin:g} s to {last:g} s; widen the cut")
     return start, stop
+
+
+def stretch_between(recording: Recording, begin: float = 0.0, end: float | None = None) -> tuple[int, int]:
+    """The same stretch in µs, whatever its first and last event: a frame that closes its last window belongs to it."""
+    span = recording.span
+    last = span.stop if end is None else span.start + round(min(end * 1e6, span.duration))
+    return span.start + round(begin * 1e6), last

@@ -287,7 +287,8 @@ def _advice(
         )
     if hot:
         share = sum(pixel.num_events for pixel in hot) / looked
-        said.append(f"{len(hot)} hot pixels make {share:.1%} of the events; a hot-pixel mask would help")
+        make = "1 hot pixel makes" if len(hot) == 1 else f"{len(hot)} hot pixels make"
+        said.append(f"{make} {share:.1%} of the events; a hot-pixel mask would help")
     if tally.longest_run > 0.05 * recording.sensor.num_pixels:
         said.append(f"up to {tally.longest_run} events share one stamp: the clock is coarse or rows are read at once")
     if frames is not None and frames.num_outside_span > max(1, frames.num_frames // 2):

@@ -77,6 +77,15 @@ def test_a_cut_has_the_frames_around_its_events(with_frames, tmp_path):
             np.testing.assert_array_equal(part.ground_truth.read_frame(i), whole.ground_truth.read_frame(i + 1))
 
 
+def test_a_cut_at_a_frame_has_that_frame_though_no_event_has_its_stamp(with_frames, tmp_path):
+    path, whole = with_frames
+    border = int(whole.ground_truth.stamps[3]) - whole.span.start
+    assert main(["cut", str(path), str(tmp_path / "part.h5"), "--to", f"{border / 1e6:.6f}"]) == 0
+    with open_recording(tmp_path / "part.h5") as part:
+        assert part.span.stop < whole.ground_truth.stamps[3]
+        np.testing.assert_array_equal(part.ground_truth.stamps, whole.ground_truth.stamps[:4])
+
+
 @pytest.mark.parametrize(("begin", "end"), [(0.02, 0.01), (-1.0, 0.1), (float("nan"), 1.0), (9e9, None), (0.0, 0.0)])
 def test_a_cut_of_nothing_says_how_long_the_recording_is(begin, end):
     recording = recording_of_events(make_events(100))
