@@ -106,15 +106,13 @@ def _handed_out() -> float:
     """MB that glibc has handed out and not got back, in all arenas and in mappings of their own."""
 
     class Mallinfo(ctypes.Structure):
-        _fields_ = [
-            (name, ctypes.c_size_t)
-            for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()
-        ]
+        # arena, ordblks, smblks, hblks, hblkhd, usmblks, fsmblks, uordblks, fordblks, keepcost
+        _fields_ = [(name, ctypes.c_size_t) for name in ("a", "b", "c", "d", "mapped", "e", "f", "used", "free", "g")]
 
     asked = ctypes.CDLL(None).mallinfo2
     asked.restype = Mallinfo
     told = asked()
-    return (told.uordblks + told.hblkhd) / 1e6
+    return (told.used + told.mapped) / 1e6
 
 
 def _cached_bytes(engine) -> int:
