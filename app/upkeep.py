@@ -14,7 +14,7 @@ ARENAS = 2
 SETTLE = 2.0
 """Seconds after which the thread of a visitor who has left has ended, too."""
 BETWEEN = 20.0
-"""Seconds from one sweep to the next: a sweep holds up all threads for 0.1 to 0.3 s."""
+"""Seconds from one sweep to the next: a sweep holds up all threads for 0.3 s where both of two cores are busy."""
 
 
 def share_arenas() -> bool:
