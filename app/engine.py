@@ -138,15 +138,19 @@ class Engine:
                     self._book.changed.wait()
                 if self._is_stopping:
                     return
-            turn = self._book.next_turn()
-            if turn is not None:
-                self._serve(turn)
-            elif self._to_prepare is not None:
-                self._prepare_model()
-            elif self._studies.num_waiting:
-                self._studies.work(self._is_wanted_elsewhere)
-            elif self._prefetcher is not None:
-                self._prefetcher.work(self._is_wanted_elsewhere, self._report)
+            self._work()
+
+    def _work(self) -> None:
+        """One piece of work; while the thread rests it refers to no visitor, who may have left."""
+        turn = self._book.next_turn()
+        if turn is not None:
+            self._serve(turn)
+        elif self._to_prepare is not None:
+            self._prepare_model()
+        elif self._studies.num_waiting:
+            self._studies.work(self._is_wanted_elsewhere)
+        elif self._prefetcher is not None:
+            self._prefetcher.work(self._is_wanted_elsewhere, self._report)
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()

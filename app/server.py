@@ -19,7 +19,7 @@ from viser.theme import TitlebarImage
 from app.assets import page_folder
 from app.guard import LOOPBACK, Guard, guarding
 from app.page_head import PageHead
-from app.upkeep import give_back, share_arenas
+from app.upkeep import Upkeep, share_arenas
 from etnet.errors import EtnetError
 
 BRAND = (255, 140, 66)
@@ -120,6 +120,7 @@ def _welcome(
     server: viser.ViserServer, visit: Callable[[viser.ClientHandle], Visit], most_visitors: int | None
 ) -> None:
     visits: dict[int, Visit] = {}
+    upkeep = Upkeep()
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
@@ -137,7 +138,7 @@ def _welcome(
     async def _(client: viser.ClientHandle) -> None:
         if (gone := visits.pop(client.client_id, None)) is not None:
             gone.close()
-        await asyncio.to_thread(give_back)
+        upkeep.after_visit()
 
 
 def _bind_once(host: str, port: int) -> None:

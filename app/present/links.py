@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 NUM_LINKS = 6
 """At each scale."""
+_LINK_BYTES = 300
+"""What one link occupies with its numbers, measured."""
 LINK_COLOURS: dict[int, Colour] = {0: (255, 255, 255), 1: (250, 248, 180), 2: (130, 212, 92), 3: (214, 132, 224)}
 """By scale; none of them is a hue of polarity."""
 
@@ -30,7 +32,7 @@ def links_of(ready: Ready | None, query: tuple[int, int] | None) -> tuple[Link, 
 
         return strongest_links(attention, token, NUM_LINKS)
 
-    return ARRAYS.get(("links", ready.key, token), make)
+    return ARRAYS.get(("links", ready.key, token), make, lambda links: _LINK_BYTES * len(links))
 
 
 def link_words(links: tuple[Link, ...], scale: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from sys import getsizeof
 from threading import Lock
 from typing import TypeVar
 
@@ -40,8 +41,8 @@ class Shared:
         return made
 
     def text(self, key: Hashable, make: Callable[[], str]) -> str:
-        """A string, weighed by its length: HTML and data: URLs are ASCII but for a few signs."""
-        return self.get(key, make, len)
+        """A string, weighed by what it occupies: one “ or – in it, and every sign of it takes two bytes."""
+        return self.get(key, make, getsizeof)
 
     @property
     def nbytes(self) -> int:

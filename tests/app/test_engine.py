@@ -1,6 +1,8 @@
+import gc
 import logging
 import threading
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -62,6 +64,21 @@ def test_frames_are_read_only_because_visitors_share_them(make_engine):
     make_engine().request("ada", wish(0), inbox)
     with pytest.raises(ValueError):
         inbox.ready(0).frame[0, 0] = 1
+
+
+@pytest.mark.parametrize("prefetches", [False, True])
+def test_a_visitor_who_has_left_is_not_held(make_engine, prefetches):
+    engine, inbox = make_engine(prefetches=prefetches), Inbox()
+    engine.request("ada", wish(7), inbox)
+    inbox.ready(7)
+    engine.drop("ada")
+    gone = weakref.ref(inbox)
+    del inbox
+    ends = time.monotonic() + 5
+    while gone() is not None and time.monotonic() < ends:
+        time.sleep(0.01)
+        gc.collect()
+    assert gone() is None
 
 
 def test_a_frame_that_is_held_costs_no_step(shelf, make_engine):

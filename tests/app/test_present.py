@@ -339,6 +339,14 @@ def test_the_store_never_grows_past_its_budget():
     assert store.nbytes <= 10_000
 
 
+def test_the_store_weighs_a_text_by_the_memory_it_takes():
+    plain, with_a_dash = Shared(100_000), Shared(100_000)
+    plain.text(0, lambda: "x" * 10_000)
+    with_a_dash.text(0, lambda: "x" * 9_999 + "–")
+    assert 10_000 <= plain.nbytes < 10_600
+    assert 20_000 <= with_a_dash.nbytes < 20_600
+
+
 def test_looks_follow_the_view_state():
     state = ViewState(query=(3, 4), head=2, overlay=0.5, map_range="per map", tone="robust")
     look = present.AttentionLook.of(state, False)
