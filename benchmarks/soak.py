@@ -5,7 +5,7 @@ websockets come in rounds: they watch, drag, click, look inside, ask for help, s
 word. After each round everybody has gone, and what the process holds is counted: resident memory, threads, open files,
 viser's handles, sessions.
 
-Caches that fill look like a leak. Their caps are set so low here that they are full before the counting begins, their
+Caches that fill look like a leak. Their caps are set so low here that they are nearly full after the warm-up, their
 bytes are counted too, and so is what the allocator has handed out beyond them: that is where a leak would show.
 """
 
@@ -36,7 +36,7 @@ KEPT_FROM = 20.0
 WARM = 10.0
 """Minutes until the caches are as full as they get."""
 CACHES = {"states": 96, "pictures": 8, "arrays": 32, "frames": 4}
-"""MB; the viewer's own caps are 512, 64, 96 and 32, which a demo takes hours to reach."""
+"""MB; the viewer's own caps are 1,024 (--budget), 64, 96 and 32."""
 EVERY = 25
 """One step in so many fails."""
 
