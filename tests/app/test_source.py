@@ -115,7 +115,7 @@ def test_a_hot_pixel_is_named_and_a_click_goes_there():
     found = Moment("hot", ByCount(100), 0, hot, plan_windows(hot, ByCount(100)))
     html = doctor_html(found, examined(hot), on_pick="data-pick")
     assert 'data-k="at:7,5"' in html
-    assert "1 hot pixels make" in html
+    assert "1 hot pixel makes" in html
 
 
 def test_an_empty_recording_is_told_of_without_a_picture_of_nothing(moment):

@@ -118,7 +118,9 @@ def test_each_way_of_showing_draws_pictures(lanes, sight):
     choose(lanes, "Show", sight)
     lanes.get_by_test_id("figures-A").wait_for()
     mark = {"wiped over each other": "wipe", "their difference": "difference"}.get(sight, "lane-camera")
-    assert lanes.get_by_test_id(mark).bounding_box()["height"] > 10
+    # Asked in the page: a picture that has just been replaced by its next one has no box for a moment.
+    tall = "name => document.querySelector(`[data-testid=${name}]`)?.getBoundingClientRect().height > 10"
+    lanes.wait_for_function(tall, arg=mark)
     sizes = lanes.get_by_test_id("lanes").locator("img").evaluate_all("all => all.map(image => image.naturalWidth)")
     assert len(sizes) >= 1
     assert min(sizes) > 0

@@ -45,6 +45,7 @@ def test_one_key_copies_a_link_that_opens_paused_at_exactly_that_moment(browser,
     assert other.get_by_role("button", name="Play", exact=True).is_visible()
     other.locator("body").press("l")
     until_window(other, 5)
+    other.wait_for_timeout(2000)  # a view is written to the browser not more often than useful
     other.reload()
     other.get_by_test_id("window").get_by_text("window 5 of").wait_for()
     other.context.close()

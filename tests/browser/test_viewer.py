@@ -111,11 +111,13 @@ def test_a_click_on_the_plane_in_the_scene_asks_too(page):
 
 def test_an_error_is_shown_and_the_page_goes_on(page, viewer, monkeypatch):
     until_window(page, 20)
+    from app.recent import RecentFrames
     from etnet.errors import WindowError
 
     def refuse(turn):
         raise WindowError("these windows do not fit; choose ByDuration")
 
+    monkeypatch.setattr(viewer.engine, "_recent", RecentFrames())  # other tests may have been there
     monkeypatch.setattr(viewer.engine, "_grant", refuse)
     page.locator("body").press("End")
     page.get_by_test_id("failed").get_by_text("these windows do not fit").first.wait_for()
