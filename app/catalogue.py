@@ -42,7 +42,6 @@ DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
 _log = logging.getLogger(__name__)
-_SEEN = "simulated from a video (ESIM, contrast 0.2, noise 0.2); `etnet simulate --video` takes other values"
 
 
 class CatalogueError(EtnetError):
@@ -189,7 +188,7 @@ class Catalogue:
             if entry.remote is not None:
                 path = fetch(entry.remote, progress=progress)
             if path.suffix.lower() in VIDEO_SUFFIXES:
-                path, told = self._seen(path, progress), (Remark("assumed", _SEEN),)
+                path, told = self._seen(path, progress)
             asked = self._config.downsample
             recording = open_recording(path, view=View(self._config.region, asked or 1), progress=progress)
             factor = runnable_downsample(recording.sensor.num_pixels)
@@ -207,17 +206,20 @@ class Catalogue:
         weakref.finalize(recording, recording.source.close)
         return recording
 
-    def _seen(self, video: Path, progress: Callable[[float], None] | None) -> Path:
-        """What an event sensor sees of a video, made once while this catalogue lives."""
+    def _seen(self, video: Path, progress: Callable[[float], None] | None) -> tuple[Path, tuple[Remark, ...]]:
+        """What an event sensor sees of a video, made once while this catalogue lives; and that it is so."""
         from etnet.simulation.video import VideoConfig, simulate_video
 
+        config = VideoConfig()
         with self._lock:
             if self._scratch is None:
                 self._scratch = TemporaryDirectory(prefix="etnet-video-")
         made = Path(self._scratch.name) / f"{video.stem}-{_digest(video)}-{sign_of(video)[1]}.h5"
         if not made.exists():
-            simulate_video(video, made, VideoConfig(), progress)
-        return made
+            simulate_video(video, made, config, progress)
+        values = f"contrast {config.contrast:g}, noise {config.noise:g}"
+        said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"
+        return made, (Remark("assumed", said),)
 
 
 def suited_policy(recording: Recording) -> Policy:

@@ -16,14 +16,19 @@ from websockets.http11 import Response
 TITLE = "ET-Net viewer"
 DESCRIPTION = "See what an event camera reports, what a network makes of it, and where it looks, live in the browser."
 SOCIAL_SIZE = (1200, 630)
+VIEWPORT = "width=device-width, initial-scale=1, minimum-scale=1"
+"""viser's, and a lower limit: without it a phone zooms out when a list opens near the sheet's edge, the list moves with
+the page, and no finger can choose from it."""
+_VIEWPORT = re.compile(rb"<meta\s+name=\"viewport\"[^>]*>")
 _ICON = re.compile(rb"<link\s+rel=\"icon\"[^>]*>")
 _TITLE = re.compile(rb"<title>[^<]*</title>")
 _DESCRIPTION = re.compile(rb"<meta\s+name=\"description\"[^>]*>")
 
 
 def head_html(public_url: str | None) -> str:
-    """Title, icon and, for a page that has a public address, the picture and words that a link to it shows."""
+    """Viewport, title, icon; for a page with a public address also the picture and words that a link to it shows."""
     lines = [
+        f'<meta name="viewport" content="{VIEWPORT}">',
         f"<title>{TITLE}</title>",
         '<link rel="icon" type="image/svg+xml" href="/static/icon.svg">',
         f'<meta name="description" content="{escape(DESCRIPTION)}">',
@@ -69,6 +74,6 @@ class PageHead:
         end = page.index(b">", page.index(b"<head")) + 1
         # Only the head's beginning: the rest of viser's index is one packed script, which may hold anything.
         start, rest = page[end : end + 5000], page[end + 5000 :]
-        for pattern in (_ICON, _TITLE, _DESCRIPTION):
+        for pattern in (_VIEWPORT, _ICON, _TITLE, _DESCRIPTION):
             start = pattern.sub(b"", start, count=1)
         return page[:end] + head_html(self.public_url).encode() + start + rest

@@ -13,7 +13,7 @@ from app import intents as ask
 from app.layout import place_camera
 from app.panels.base import Page
 from app.present import EventCloud, Moment, attention_image, event_cloud, reconstruction_image
-from app.present.attention import stacked_maps
+from app.present.attention import sites_behind
 from app.present.found import Traced
 from app.present.links import links_of
 from app.present.traced import traced_cloud
@@ -22,6 +22,8 @@ from app.scene.frame_plane import FramePlane
 from app.scene.links import LinksNode
 from app.scene.map_planes import MapPlanes
 from app.scene.space import Space
+from app.view_state import ViewState
+from app.wishes import Ready
 
 LAGGING = 0.45
 """Brightness of a picture that belongs to another window than the one on show."""
@@ -43,8 +45,8 @@ class Stage:
         if page.moment is None:
             return None
         state, space = page.state, Space(page.moment.recording.sensor)
-        maps = _maps(page)
-        shows_cloud = not maps and state.shows_events and state.camera != "front" and state.workspace != "demo"
+        behind = sites_behind(page.ready, page.look, state)
+        shows_cloud = not behind and state.shows_events and state.camera != "front" and state.workspace != "demo"
         cloud = _cloud(page, page.moment) if shows_cloud else None
         key, picture = _picture(page)
         with self._client.atomic():
@@ -52,7 +54,7 @@ class Stage:
             if cloud is not None:
                 self._cloud.show(space, cloud)
             self._plane.show(space, key, picture)
-            self._maps.show(space, _maps_key(page), tuple(image for _, image in maps))
+            self._maps.show(space, *_maps(page, behind))
             self._links.show(space, state.query, links_of(page.ready, state.query) if state.inside.shows_links else ())
         self.place(space, state.camera)
         return cloud
@@ -75,16 +77,14 @@ def _cloud(page: Page, moment: Moment) -> EventCloud:
     return event_cloud(moment, limit)
 
 
-def _maps(page: Page) -> tuple[tuple[str, UInt8[np.ndarray, "h w 3"]], ...]:
-    """The maps that stand behind the frame: none on a flat view, which would hide them."""
-    state = page.state
-    if not state.inside.shows_planes or state.camera == "front" or page.ready is None or page.look is None:
-        return ()
-    return stacked_maps(page.ready, page.look, state.site)
-
-
-def _maps_key(page: Page) -> object:
-    return None if page.ready is None else (page.ready.key, page.look, page.state.site)
+def _maps(page: Page, sites: tuple[str, ...]) -> tuple[object, tuple[UInt8[np.ndarray, "h w 3"], ...]]:
+    """A key that tells these maps from others, and the maps."""
+    ready, look = page.ready, page.look
+    if ready is None or look is None or not sites:
+        return None, ()
+    lags = _lags(ready, page.state)
+    found = (attention_image(ready, look, site) for site in sites)
+    return (ready.key, look, sites, lags), tuple(_dimmed(image, lags) for image in found if image is not None)
 
 
 def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
@@ -92,14 +92,18 @@ def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
     ready, state = page.ready, page.state
     if ready is None:
         return None, None
-    # Where every image is waited for, the one on show is always one behind while it plays.
-    lags = ready.wish.index != state.index and not (state.is_playing and state.waits_for_frames)
+    lags = _lags(ready, state)
     if state.workspace == "attention" and page.look is not None and ready.attention is not None:
         image = attention_image(ready, page.look, state.site)
         if image is not None:
             return ("attention", ready.key, page.look, state.site, lags), _dimmed(image, lags)
     grey = cv2.cvtColor(reconstruction_image(ready, page.tones), cv2.COLOR_GRAY2RGB)
     return ("frame", ready.key, page.tones, lags), _dimmed(grey, lags)
+
+
+def _lags(ready: Ready, state: ViewState) -> bool:
+    # Where every image is waited for, the one on show is always one behind while it plays.
+    return ready.wish.index != state.index and not (state.is_playing and state.waits_for_frames)
 
 
 def _dimmed(image: UInt8[np.ndarray, "h w 3"], lags: bool) -> UInt8[np.ndarray, "h w 3"]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
 
-from app.looking.taking import LARGEST, Made, plain_name
+from app.looking.taking import LARGEST, PATIENCE, Made, plain_name
 from app.source_view import CutOrder
 from app.studies import Study
 from app.studio import Stage
@@ -18,8 +18,6 @@ from etnet.errors import Cancelled, EtnetError
 from etnet.events.recording import Recording
 
 SLOT = "source/cut"
-WAIT = 0.05
-"""Seconds that the engine waits for the writer between two wishes at most."""
 _ADVICE = "mark a shorter stretch, or use `etnet cut`"
 
 
@@ -42,7 +40,7 @@ class Cutting:
             writer = _Writer(self.order, recording, Path(folder) / f"{plain_name(recording.name)}_cut.h5")
             try:
                 while writer.is_alive():
-                    writer.join(WAIT)
+                    writer.join(PATIENCE)
                     yield None, min(writer.share, 0.99)
             finally:
                 writer.is_stopped = True

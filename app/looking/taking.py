@@ -31,8 +31,8 @@ SLOT = "take away"
 LARGEST = KEPT_BYTES
 """Bytes that are handed out through the page at most; larger ones are made by the command line."""
 MOST_WINDOWS = 20_000
-PATIENCE = 0.5
-"""Seconds in which a writer that works on its own, without a step, holds the engine up at most."""
+PATIENCE = 0.05
+"""Seconds for which a writer that works on its own, without a step, holds the engine up at a time."""
 ENDINGS: dict[Parcel, str] = {
     "mp4": "mp4", "gif": "gif", "png": "png", "npz": "npz", "h5": "h5", "csv": "csv", "page": "html",
     "session": "session.json",
@@ -150,7 +150,7 @@ class _Relay:
         """Make the step that is asked for, or wait a moment for one. A step that is `Cancelled` is still owed."""
         if self._open is None:
             try:
-                self._open = self._asked.get(timeout=PATIENCE / 10)
+                self._open = self._asked.get(timeout=PATIENCE)
             except Empty:
                 return
         index, probe = self._open

@@ -11,6 +11,7 @@ from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
 from app.panels.public import caption_html
 from app.present import camera_frame_html, event_image_html, provenance_html, site_words
+from app.present.attention import sites_behind
 from app.present.attention_maps import Site
 from app.present.cloud import EventCloud
 from app.present.links import LINK_COLOURS, link_words, links_of
@@ -60,7 +61,7 @@ class SceneLegend:
             self._legend.show(mark + _over_scene(_map_words(page) + _link_words(page)))
             return
         cloud = self._cloud
-        if page.moment is None or cloud is None or not _shows_cloud(page):
+        if page.moment is None or cloud is None:
             self._legend.show(mark + _over_scene(_plane_words(page) + _link_words(page)))
             return
         drawn = f"{len(cloud.positions):,} of {cloud.num_events:,} events" if cloud.is_thinned else "all events drawn"
@@ -105,13 +106,9 @@ def _map_words(page: Page) -> str:
 
 
 def _plane_words(page: Page) -> str:
-    state = page.state
-    attention = page.ready.attention if page.ready is not None else None
-    if not state.inside.shows_planes or state.camera == "front" or attention is None or page.look is None:
-        return ""
-    scales = sorted({Site.of(name).scale for name in attention.sites})
-    behind = ", ".join(resolution(scale) for scale in scales)
-    return f"<span>behind the image: what this layer reads at {behind}, one behind the other</span>"
+    sites = sites_behind(page.ready, page.look, page.state)
+    behind = ", ".join(resolution(Site.of(site).scale) for site in sites)
+    return f"<span>behind the image: what this layer reads at {behind}</span>" if sites else ""
 
 
 def _link_words(page: Page) -> str:
@@ -127,7 +124,3 @@ def _link_words(page: Page) -> str:
 
 def _over_scene(content: str) -> str:
     return f'<div class="et etv-scene-legend" data-testid="scene-legend">{content}</div>' if content else ""
-
-
-def _shows_cloud(page: Page) -> bool:
-    return page.state.shows_events and page.state.camera != "front" and page.state.workspace != "demo"

@@ -31,6 +31,7 @@ from app.present.html import empty, escape, marker, panel, picture
 from app.present.moment import ARRAYS, PICTURES
 from app.present.pictures import lag_line
 from app.present.words import count, resolution
+from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.render.attention import times_uniform
 from etnet.render.encode import data_url
@@ -88,14 +89,17 @@ def attention_image(ready: Ready, look: AttentionLook, site: str) -> UInt8[np.nd
     )
 
 
-def stacked_maps(ready: Ready, look: AttentionLook, site: str) -> tuple[tuple[str, UInt8[np.ndarray, "h w 3"]], ...]:
-    """The same layer's site and map at every scale that was probed, the finest first."""
-    if ready.attention is None:
+def sites_behind(ready: Ready | None, look: AttentionLook | None, state: ViewState) -> tuple[str, ...]:
+    """The sites whose maps stand behind the frame: the chosen layer at every scale, the finest first.
+
+    None unless they are asked for, nor in the front view, where they would be hidden.
+    """
+    if ready is None or ready.attention is None or look is None:
         return ()
-    _, layer = site.split(".", 1)
-    sites = sorted(name for name in ready.attention.sites if name.split(".", 1)[1] == layer)
-    found = ((name, attention_image(ready, look, name)) for name in sites)
-    return tuple((name, image) for name, image in found if image is not None)
+    if not state.inside.shows_planes or state.camera == "front" or state.workspace == "demo":
+        return ()
+    layer = state.site.partition(".")[2]
+    return tuple(sorted(name for name in ready.attention.sites if name.partition(".")[2] == layer))
 
 
 def places_html(ready: Ready | None, look: AttentionLook | None, site: str, *, on_pick: str = "") -> str:

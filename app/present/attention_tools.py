@@ -61,7 +61,9 @@ def attention_tools_html(
     links: dict[object, str] = {False: "no links", True: "the strongest links"}
     rows.append(buttons("In the scene", choices("shows_links", links, inside.shows_links)))
     planes: dict[object, str] = {False: "events behind", True: "this layer's maps behind"}
-    rows.append(buttons("", choices("shows_planes", planes, inside.shows_planes)))
+    rows.append(
+        buttons("", choices("shows_planes", planes, inside.shows_planes), "Maps behind: not in the front view.")
+    )
     return panel("attention-tools", *rows)
 
 

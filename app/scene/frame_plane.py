@@ -14,6 +14,23 @@ from app.scene.space import Space
 GROUND = (22, 25, 30)
 
 
+def add_plane(
+    scene: viser.SceneApi, name: str, space: Space, picture: UInt8[np.ndarray, "h w 3"], z: float = 0.0
+) -> viser.ImageHandle:
+    """A picture as large as the sensor, `z` scene units behind the newest moment."""
+    return scene.add_image(
+        name,
+        picture,
+        space.width,
+        space.height,
+        format="jpeg",
+        jpeg_quality=88,
+        position=(0.0, 0.0, z),
+        cast_shadow=False,
+        receive_shadow=False,
+    )
+
+
 class FramePlane:
     """One textured plane at z = 0."""
 
@@ -37,16 +54,7 @@ class FramePlane:
 
     def _build(self, space: Space, picture: UInt8[np.ndarray, "h w 3"]) -> None:
         self._space = space
-        self._image = self._scene.add_image(
-            "/plane",
-            picture,
-            space.width,
-            space.height,
-            format="jpeg",
-            jpeg_quality=88,
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        self._image = add_plane(self._scene, "/plane", space, picture)
 
         @self._image.on_click
         async def _(event: viser.SceneNodePointerEvent[viser.ImageHandle]) -> None:

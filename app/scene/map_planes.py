@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from jaxtyping import UInt8
 
+from app.scene.frame_plane import add_plane
 from app.scene.space import DEPTH, Space
 
 Picture = UInt8[np.ndarray, "h w 3"]
@@ -31,21 +32,9 @@ class MapPlanes:
         for i, plane in enumerate(self._planes):
             plane.visible = i < len(pictures)
         for i, picture in enumerate(pictures):
-            place = (0.0, 0.0, DEPTH * (i + 1) / len(pictures))
+            z = DEPTH * (i + 1) / len(pictures)
             if i < len(self._planes):
-                self._planes[i].image, self._planes[i].position = picture, place
-                continue
-            self._planes.append(
-                self._scene.add_image(
-                    f"/maps/{i}",
-                    picture,
-                    space.width,
-                    space.height,
-                    format="jpeg",
-                    jpeg_quality=88,
-                    position=place,
-                    cast_shadow=False,
-                    receive_shadow=False,
-                )
-            )
+                self._planes[i].image, self._planes[i].position = picture, (0.0, 0.0, z)
+            else:
+                self._planes.append(add_plane(self._scene, f"/maps/{i}", space, picture, z))
         self._shown = (space, key, len(pictures))

@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from etnet.nets.attention import Attention, AttentionProbe
+from etnet.nets.attention import AttentionProbe
 from etnet.nets.backbone import advance, check_voxel
-from etnet.nets.base import Pyramid, State, Step
+from etnet.nets.base import Pyramid, Reconstructor, State, Step
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.padding import pad_to_grid
 from etnet.nets.runtime import Runtime, precision_of
@@ -23,20 +23,8 @@ class Composed(nn.Module):
     runtime: Runtime
     card: dict[str, object]
 
-    def encode(
-        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
-    ) -> tuple[Pyramid, State]:
-        """Advance the memory by one window."""
-        raise NotImplementedError
-
-    def decode(
-        self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
-    ) -> tuple[Float[Tensor, "b 1 h w"], Attention | None]:
-        """The frame of one moment."""
-        raise NotImplementedError
-
     def forward(
-        self,
+        self: Reconstructor,
         voxel: Float[Tensor, "b bins h w"],
         state: State | None = None,
         probe: AttentionProbe | None = None,

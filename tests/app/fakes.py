@@ -13,7 +13,8 @@ from etnet.errors import ModelError, RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import recording_of_events
 from etnet.nets.base import Pyramid, State
-from etnet.windows import ByCount
+from etnet.reconstruction import window_voxel
+from etnet.windows import ByCount, plan_windows
 
 POLICY = ByCount(50)
 
@@ -138,3 +139,11 @@ def hold(model):
     """From now on each encode waits for a `release`; tells when one has begun through `model.entered`."""
     model.gate = threading.Semaphore(0)
     return model.gate
+
+
+def sequential(shelf, index):
+    """The frame that a plain loop over the windows comes to."""
+    recording = shelf.recordings["r"]
+    windows = plan_windows(recording, POLICY)
+    seen = sum(window_voxel(shelf.model_instance, recording, windows[i]).sum(0) for i in range(index + 1))
+    return (seen / 100).numpy()

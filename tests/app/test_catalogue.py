@@ -305,3 +305,10 @@ def test_a_video_is_opened_as_an_event_sensor_sees_it_and_nothing_stays_on_the_d
     catalogue.close()
     assert not made.parent.exists()
     assert [path.name for path in tmp_path.iterdir()] == ["clip.mp4"]
+
+
+def test_weights_are_known_by_the_mark_that_the_library_writes():
+    from app.catalogue import WEIGHTS_FORMAT
+    from etnet.nets.weights import FORMAT
+
+    assert WEIGHTS_FORMAT == FORMAT

@@ -9,44 +9,12 @@ import pytest
 import torch
 
 import app.engine as engine_module
-from app.engine import Engine
 from app.studio import KEPT_PLAYBACKS
 from app.wishes import Failed, Ready, Working
 from etnet.nets.intervention import Intervention
-from etnet.reconstruction import window_voxel
-from etnet.windows import ByDuration, plan_windows
+from etnet.windows import ByDuration
 
-from .fakes import POLICY, Inbox, Shelf, hold, recording_of, wish
-
-BUDGET = 64 << 20
-
-
-@pytest.fixture
-def shelf():
-    return Shelf()
-
-
-@pytest.fixture
-def make_engine(shelf):
-    made = []
-
-    def make(budget=BUDGET, prefetches=False, **more):
-        engine = Engine(shelf, budget, threads=1, load=shelf.load, prefetches=prefetches, **more)
-        made.append(engine)
-        return engine
-
-    yield make
-    for engine in made:
-        if shelf.model_instance.gate is not None:
-            shelf.model_instance.gate.release(10_000)
-        engine.stop()
-
-
-def sequential(shelf, index):
-    recording = shelf.recordings["r"]
-    windows = plan_windows(recording, POLICY)
-    seen = sum(window_voxel(shelf.model_instance, recording, windows[i]).sum(0) for i in range(index + 1))
-    return (seen / 100).numpy()
+from .fakes import Inbox, hold, recording_of, sequential, wish
 
 
 def test_a_wish_is_granted_exactly(shelf, make_engine):
@@ -297,42 +265,6 @@ def test_exact_goes_out_when_the_threads_change(make_engine):
     torch.set_num_threads(before)
 
 
-def test_idle_time_prepares_what_comes_next(shelf, make_engine):
-    engine, inbox = make_engine(prefetches=True), Inbox()
-    engine.request("ada", wish(3), inbox)
-    inbox.ready(3)
-    deadline = time.monotonic() + 10
-    while (report := engine.cached(wish(3))) is None or not any(27 in held for held in report.frames):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    again = Inbox()
-    engine.request("ada", wish(9), again)
-    assert np.array_equal(again.ready(9).frame, sequential(shelf, 9))
-    assert len(again.replies) == 1  # at once: nothing had to be replayed
-
-
-def test_preparing_ends(shelf, make_engine):
-    engine, inbox = make_engine(budget=64 << 10, prefetches=True), Inbox()
-    engine.request("ada", wish(3), inbox)
-    inbox.ready(3)
-    time.sleep(0.5)
-    steps = shelf.model_instance.decodes
-    time.sleep(0.2)
-    assert shelf.model_instance.decodes == steps
-
-
-def test_a_wish_interrupts_preparing(shelf, make_engine):
-    engine, inbox = make_engine(prefetches=True), Inbox()
-    model = shelf.model_instance
-    engine.request("ada", wish(0), inbox)
-    gate = hold(model)
-    gate.release(1)  # for window 0 itself, unless it is done already
-    assert model.entered.acquire(timeout=10)
-    engine.request("bob", wish(0), bob := Inbox())
-    gate.release(2)
-    bob.ready(0)
-
-
 def test_the_budget_is_shared_by_all_playbacks(shelf, make_engine):
     shelf.recordings |= {str(i): recording_of(30, seed=i) for i in range(KEPT_PLAYBACKS + 2)}
     engine, inbox = make_engine(budget=100_000), Inbox()
@@ -375,25 +307,6 @@ def test_a_slow_size_is_announced_before_the_first_step(make_engine, monkeypatch
     make_engine().request("ada", wish(0), inbox)
     inbox.ready(0)
     assert any("takes about" in r.message for r in inbox.working)
-
-
-def test_a_model_can_be_prepared_before_anybody_wishes(shelf, make_engine):
-    loaded = threading.Event()
-    load = shelf.load
-    shelf.load = lambda *given: (loaded.set(), load(*given))[1]
-    engine = make_engine()
-    engine.prepare("m", "fp32")
-    assert loaded.wait(10)
-    inbox = Inbox()
-    engine.request("ada", wish(0), inbox)
-    inbox.ready(0)
-
-
-def test_preparing_a_model_that_is_missing_harms_nobody(make_engine):
-    engine, inbox = make_engine(), Inbox()
-    engine.prepare("missing", "fp32")
-    engine.request("ada", wish(0), inbox)
-    inbox.ready(0)
 
 
 def test_stopping_joins_the_thread_amid_a_seek(shelf, make_engine):

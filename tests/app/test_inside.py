@@ -1,32 +1,17 @@
-"""Looking inside: what is asked, what is changed, what is found and how it is told."""
+"""Looking inside: what is found and how it is told."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from app import inside_view
-from app import intents as ask
-from app.channel import parse
-from app.engine import Engine
 from app.inside_view import (
-    NO_CHANGE,
-    CarryOn,
     Change,
-    Choose,
-    EditEvents,
     InsideView,
-    OpenInspector,
     PinMap,
     PinnedMap,
-    PutBack,
-    Switch,
-    is_switched,
-    reduce_inside,
-    switched,
 )
 from app.looking import memory, parts, pixel
 from app.panels.base import Page
@@ -38,44 +23,19 @@ from app.present.given import given_html
 from app.present.links import links_of
 from app.present.matters import attended_html, matters_html
 from app.present.traced import traced_cloud, traced_html
-from app.questions import questions
 from app.scene.links import arc
 from app.scene.space import Space
 from app.studies import Finding
-from app.studio import Pace, Stage
-from app.view_state import Limits, ViewState, reduce
-from app.wishes import Ready, Wish
+from app.view_state import ViewState
+from app.wishes import Ready
 from etnet.events.edit import EventEdit
 from etnet.nets.attention import AttentionProbe
-from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
-from etnet.nets.runtime import contract_of
-from etnet.playback.playback import Playback
-from etnet.windows import ByCount, plan_windows
-from tests.inspection.small import EVENTS_A_WINDOW, SENSOR, small_playback
+from tests.inspection.small import SENSOR, small_playback
 
-from .fakes import Inbox, Shelf
-from .test_present import PICK, Checker
-
-POLICY = ByCount(EVENTS_A_WINDOW)
-SITE = "scale2.decoder.0.cross"
-QUERY = (20, 9)
-PARTS = ("tpa", "uniform", "decoders", "scale 3", "skip 0", "zero 1", "freeze 2", f"site {SITE}", f"alike {SITE}",
-         f"head {SITE} 3")  # fmt: skip
-NONSENSE = ("", "skip", "skip 9", "skip -1", "head x 1", f"head {SITE}", f"head {SITE} 99", "tpa 1", "scale 1 2")
-
-
-def stage_of(preset="tiny"):
-    playback = small_playback(preset)
-    return Stage(playback, contract_of(playback.model), 4, Pace(), 1.0)
-
-
-def wish_of(index, **more):
-    return Wish("r", "m", "fp32", POLICY, index, **more)
-
-
-def whole(study, stage):
-    return [answer for answer, _ in study.run(stage, lambda: False)][-1]
+from .checked_html import PICK, Checker
+from .inside_stage import POLICY, QUERY, SITE, stage_of, whole, wish_of
 
 
 @pytest.fixture(scope="module")
@@ -96,140 +56,6 @@ def moment_of(stage):
 @pytest.fixture
 def moment(stage):
     return moment_of(stage)
-
-
-# ---- what is asked and changed ----
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_a_part_that_is_switched_twice_is_as_it_was(part):
-    once = switched(ORIGINAL, part)
-    assert once != ORIGINAL
-    assert is_switched(once, part)
-    assert not is_switched(ORIGINAL, part)
-    assert switched(once, part) == ORIGINAL
-
-
-@pytest.mark.parametrize("part", NONSENSE)
-def test_a_part_that_does_not_exist_changes_nothing(part):
-    assert switched(ORIGINAL, part) == ORIGINAL
-    assert not is_switched(ORIGINAL, part)
-
-
-ASKED = st.one_of(
-    st.builds(OpenInspector, st.sampled_from(["none", "matters", "change", "evil"])),
-    st.builds(Switch, st.sampled_from([*PARTS, *NONSENSE])),
-    st.builds(EditEvents, st.sampled_from(["drop", "invert", "jitter", "jitter_by", "seed"]), st.floats()),
-    st.builds(CarryOn, st.booleans()),
-    st.builds(PutBack),
-    st.builds(Choose, st.sampled_from(["level", "channel", "gather", "change", "is_linear", "plane"]), st.text()),
-    st.builds(PinMap, st.sampled_from(["a", "b"]), st.just(PinnedMap(SITE, 1, "mean", QUERY))),
-)
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.lists(ASKED, max_size=20), st.integers(0, 7))
-def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_all(asked, index):
-    state = ViewState(index=index)
-    for intent in asked:
-        state = reduce(state, intent, Limits())
-        assert 1 <= state.inside.level <= 3
-        assert 0 <= state.inside.change.edit.drop <= 1
-    assert reduce(state, PutBack(), Limits()).inside.change == NO_CHANGE
-    for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
-        assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.lists(ASKED, max_size=20))
-def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(asked):
-    view = InsideView()
-    for intent in asked:
-        view = reduce_inside(view, intent, 3)
-    assert inside_view.restored(inside_view.kept(view)) == view.anew()
-
-
-@settings(deadline=None, max_examples=40)
-@given(
-    st.text(max_size=60)
-    | st.builds("{}:{}".format, st.sampled_from(["pin:a", "edit:drop", "set", "switch"]), st.text())
-)
-def test_a_strange_message_is_understood_or_left_alone_and_never_an_error(text):
-    heard = parse(f"pick|inside:{text}|0.5|0.5|1")
-    assert heard is None or isinstance(heard, inside_view.InsideIntent)
-
-
-def test_a_pin_comes_back_from_its_button_as_it_was():
-    for pinned in (PinnedMap(SITE, 3, "mean", (7, 9)), PinnedMap(SITE, None, "max", (0, 0))):
-        assert inside_view.heard(f"pin:a:{inside_view.pin_text(pinned)}") == PinMap("a", pinned)
-
-
-def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no_beginning():
-    carried = Change(Intervention(zeroed_levels=frozenset({1})), since=4)
-    assert carried.at(3) == NO_CHANGE
-    assert carried.at(4) == carried.at(7) == carried
-    decoding = Change(Intervention(without_context=True), since=4)
-    assert decoding.at(9) == replace(decoding, since=None)
-    assert Change(edit=EventEdit(jitter_by=99), since=2).at(9) == NO_CHANGE
-
-
-def test_nothing_is_asked_of_the_model_while_every_inspector_is_closed():
-    state = ViewState(query=QUERY, inside=InsideView(change=Change(Intervention(without_context=True))))
-    assert not any(slot.startswith("inside") for slot in questions(state, wish_of(3)))
-    opened = replace(state, inside=replace(state.inside, opened="matters"))
-    assert set(questions(opened, wish_of(3))) == {"inside.anatomy", "inside.matters", "inside.attended"}
-
-
-# ---- what the engine makes of a change ----
-
-
-@pytest.fixture
-def engine():
-    shelf = Shelf({"r": small_playback().recording}, build_model("tiny"))
-    running = Engine(shelf, 64 << 20, threads=1, load=shelf.load, prefetches=False)
-    yield running
-    running.stop()
-
-
-def frame_of(engine, wish):
-    inbox = Inbox()
-    engine.request("ada", wish, inbox)
-    return inbox.ready(wish.index)
-
-
-CARRIED = [
-    {"intervention": Intervention(zeroed_levels=frozenset({1, 3}))},
-    {"intervention": Intervention(frozen_levels=frozenset({2}))},
-    {"edit": EventEdit(drop=0.5, invert=0.2, seed=3)},
-]
-
-
-@pytest.mark.parametrize("change", CARRIED, ids=["emptied", "frozen", "edited"])
-@pytest.mark.parametrize("since", [None, 3])
-def test_a_changed_frame_is_the_one_of_a_playback_that_branches_there_and_the_original_comes_back(
-    engine, change, since
-):
-    before = frame_of(engine, wish_of(5))
-    changed = frame_of(engine, wish_of(5, since=since, **change))
-    after = frame_of(engine, wish_of(5))
-    alone = Playback(build_model("tiny"), small_playback().recording, plan_windows(small_playback().recording, POLICY))
-    branch = alone.branch(5 if since is None else since, **change)
-    assert np.array_equal(changed.frame, branch.at(5).frame[0, 0].numpy())
-    assert not np.array_equal(changed.frame, before.frame)
-    assert not changed.is_exact
-    assert np.array_equal(before.frame, after.frame)
-    assert before.is_exact
-    assert after.is_exact
-
-
-def test_a_branch_takes_its_bytes_from_its_playbacks_share():
-    stage = stage_of()
-    stage.budget_bytes = 1 << 20
-    branch, _ = stage.playing(wish_of(5, edit=EventEdit(drop=0.5)))
-    assert stage.playback.budget_bytes + branch.budget_bytes == stage.budget_bytes == 1 << 20
-    assert stage.playing(wish_of(5, edit=EventEdit(drop=0.5)))[0] is branch
-    stage.playing(wish_of(5, edit=EventEdit(drop=0.6)))
-    assert stage.budget_bytes == 1 << 20
 
 
 # ---- what is found ----

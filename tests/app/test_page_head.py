@@ -11,7 +11,10 @@ from websockets.http11 import Response
 from app.page_head import PageHead, head_html
 from tests.app.stand_ins import served
 
-INDEX = b'<!doctype html><html><head><link\n rel="icon" href="x"/><title>Viser</title></head><body>\x00</body>'
+INDEX = (
+    b'<!doctype html><html><head><meta name="viewport" content="x"/><link\n rel="icon" href="x"/><title>Viser</title>'
+    b"</head><body>\x00</body>"
+)
 
 
 def answer(body, kind="text/html; charset=utf-8", packing="identity", status=200):
@@ -25,6 +28,8 @@ def test_title_and_icon_are_ours_and_the_rest_of_the_page_is_as_it_was(packing):
     body = gzip.decompress(dressed.body) if packing == "gzip" else dressed.body
     assert body.count(b"<title>") == body.count(b'rel="icon"') == 1
     assert b"ET-Net viewer" in body
+    assert body.count(b'name="viewport"') == 1
+    assert b"minimum-scale=1" in body
     assert body.endswith(b"</head><body>\x00</body>")
     assert dressed.headers["Content-Length"] == str(len(dressed.body))
 

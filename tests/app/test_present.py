@@ -1,15 +1,10 @@
-import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from app import present
-from app.present import style, words
-from app.present.attention import Site
-from app.present.html import empty, picture
-from app.present.shared import Shared
+from app.inside_view import InsideView
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.events.events import Events, Sensor
@@ -18,44 +13,12 @@ from etnet.nets.attention import AttentionProbe
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import contract_of
 from etnet.playback.playback import Playback
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
+from etnet.windows import ByDuration, plan_windows
 
+from .checked_html import PICK, Checker
 from .fakes import POLICY, recording_of, wish
 
-PICK = 'data-pick="1"'
 EVIL = '<img src=x onerror="alert(1)">'
-VOID = {"img", "br", "rect", "path", "hr", "input", "meta", "link"}
-
-
-class Checker(HTMLParser):
-    """Collects tags and attributes; fails on tags that do not close in order."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.tags, self.text = [], [], ""
-        self.feed(html)
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text += data + " "
-
-    @property
-    def keys(self):
-        return [attrs["data-k"] for _, attrs in self.tags if "data-k" in attrs]
-
-    def by_testid(self, name):
-        return [attrs for _, attrs in self.tags if attrs.get("data-testid") == name]
 
 
 @pytest.fixture(autouse=True)
@@ -252,11 +215,12 @@ def test_the_attention_image_is_the_networks_own_row(ready):
 
 
 def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(ready):
-    maps = present.attention.stacked_maps(ready, LOOK, "scale2.encoder.0.self")
-    assert [name for name, _ in maps] == [f"scale{scale}.encoder.0.self" for scale in (1, 2, 3)]
-    for name, image in maps:
-        assert np.array_equal(image, present.attention_image(ready, LOOK, name))
-    assert present.attention.stacked_maps(replace(ready, attention=None), LOOK, "scale2.encoder.0.self") == ()
+    behind, asked = present.attention.sites_behind, ViewState(inside=InsideView(shows_planes=True))
+    state = replace(asked, site="scale2.encoder.0.self")
+    assert behind(ready, LOOK, state) == tuple(f"scale{scale}.encoder.0.self" for scale in (1, 2, 3))
+    for unseen in (ViewState(), replace(asked, camera="front"), replace(asked, workspace="demo")):
+        assert behind(ready, LOOK, unseen) == ()
+    assert behind(replace(ready, attention=None), LOOK, state) == behind(ready, None, state) == ()
 
 
 def test_attention_that_tells_little_says_so(ready, monkeypatch):
@@ -329,83 +293,9 @@ def test_another_moment_is_another_picture(moment):
     assert present.event_image_html(moment, "polarity") != present.event_image_html(other, "polarity")
 
 
-def test_the_store_never_grows_past_its_budget():
-    store = Shared(10_000)
-    for i in range(100):
-        assert store.text(i, lambda i=i: str(i) * 500).startswith(str(i))
-    assert store.nbytes <= 10_000
-    assert 0 < len(store) < 100
-    assert store.text("large", lambda: "x" * 20_000) == "x" * 20_000
-    assert store.nbytes <= 10_000
-
-
-def test_the_store_weighs_a_text_by_the_memory_it_takes():
-    plain, with_a_dash = Shared(100_000), Shared(100_000)
-    plain.text(0, lambda: "x" * 10_000)
-    with_a_dash.text(0, lambda: "x" * 9_999 + "–")
-    assert 10_000 <= plain.nbytes < 10_600
-    assert 20_000 <= with_a_dash.nbytes < 20_600
-
-
 def test_looks_follow_the_view_state():
     state = ViewState(query=(3, 4), head=2, overlay=0.5, map_range="per map", tone="robust")
     look = present.AttentionLook.of(state, False)
     assert (look.query, look.head, look.opacity, look.map_range) == ((3, 4), 2, 0.5, "per map")
     assert look.tones == present.Tones("robust", False)
     assert present.AttentionLook.of(ViewState(), True) is None
-
-
-def luminance(colour):
-    value = colour.lstrip("#")
-    channels = [int(value[i : i + 2], 16) / 255 for i in (0, 2, 4)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-@pytest.mark.parametrize("ground", [style.SURFACE, style.INSET])
-@pytest.mark.parametrize("colour", [style.TEXT, style.SOFT, style.EXACT, style.WARNING, style.PROBLEM])
-def test_text_has_a_contrast_of_seven_to_one(colour, ground):
-    light, dark = sorted((luminance(colour), luminance(ground)), reverse=True)
-    assert (light + 0.05) / (dark + 0.05) >= 7
-
-
-def test_the_style_sheet_knows_three_sizes_of_type():
-    assert style.SIZES == (13, 15, 20)
-    literal = re.findall(r"font-size:(\d+)px", present.STYLE)
-    assert literal == []
-    assert present.STYLE.count("{") == present.STYLE.count("}")
-    assert present.STYLE.startswith("<style>")
-
-
-def test_pick_attributes_are_there_only_when_asked():
-    assert "data-k" not in picture("u", "a", key="k")
-    assert 'data-k="k" data-pick="1"' in picture("u", "a", key="k", on_pick=PICK)
-    assert "&lt;b&gt;" in empty("<b>", "x")
-
-
-def test_sites_are_read_from_their_names():
-    assert Site.of("scale2.decoder.0.cross") == (2, "decoder", 0, "cross")
-    assert present.site_words("scale3.decoder.1.cross", ("scale1.encoder.0.self", "scale3.encoder.0.self")) == (
-        "1/8 · decoder 2, cross-attention: 1/8 reads 1/8"
-    )
-
-
-@pytest.mark.parametrize(
-    ("made", "said"),
-    [
-        (words.policy(BetweenFrames()), "from camera frame to camera frame"),
-        (words.policy(ByCount(10_000)), "every 10,000 events"),
-        (words.policy(ByDensity(0.35)), "every 0.35 events per pixel"),
-        (words.policy(ByDuration(20_000)), "every 20 ms"),
-        (words.policy(ByDuration(20_000, 5_000)), "every 20 ms, one each 5.0 ms"),
-        (words.seconds(0.62), "0.620 s"),
-        (words.seconds(62.5, 1), "1 min 02.5 s"),
-        (words.milliseconds(2310), "2.31 s"),
-        (words.rate(640_000), "640 k events/s"),
-        (words.short(0.0352), "0.0352"),
-        (words.short(12_300), "12,300"),
-        (words.fraction(0.25), "1/4"),
-    ],
-)
-def test_numbers_are_said_in_plain_words(made, said):
-    assert made == said

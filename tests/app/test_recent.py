@@ -6,8 +6,8 @@ import numpy as np
 
 from app.engine import Engine
 from app.recent import RecentFrames
-from tests.app.fakes import Inbox
-from tests.app.test_engine import BUDGET, Shelf, hold, wish
+from tests.app.conftest import BUDGET
+from tests.app.fakes import Inbox, Shelf, hold, wish
 
 
 def _given(index, is_approximate=False):

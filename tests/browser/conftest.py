@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.browser.chromium import chromium, require_browser
+from tests.browser.chromium import chromium, open_page, require_browser
 
 ROI = (86, 60, 60, 44)
 """x, y, width, height: no multiple of 8, so that the outer tokens lie half on padding."""
@@ -28,3 +28,12 @@ def viewer(browser):
     running = Viewer(ViewerConfig(port=0, precision="fp32", budget=256, threads=1, roi=",".join(map(str, ROI))))
     yield running
     running.stop()
+
+
+@pytest.fixture
+def page(browser, viewer):
+    """A visitor's page; any error in it fails the test."""
+    opened = open_page(browser, viewer.url)
+    yield opened
+    assert opened.errors == []
+    opened.context.close()

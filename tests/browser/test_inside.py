@@ -1,18 +1,8 @@
 """Query → site → head → pin → intervene, and back to the exact original, in a real browser with the real network."""
 
-import pytest
-
 from tests.browser.chromium import open_page, until_window
 
 SITE, OTHER = "scale1.encoder.0.self", "scale3.encoder.1.self"
-
-
-@pytest.fixture
-def page(browser, viewer):
-    opened = open_page(browser, viewer.url)
-    yield opened
-    assert opened.errors == []
-    opened.context.close()
 
 
 def click(page, key):
@@ -77,3 +67,13 @@ def test_what_matters_is_told_and_follows_the_pixel(page):
     page.get_by_test_id("reconstruction").locator("img").first.click()
     page.get_by_test_id("verdict").get_by_text("At this pixel").wait_for()
     page.get_by_test_id("attended").get_by_text("handed over").first.wait_for()
+
+
+def test_on_a_phone_a_finger_can_choose_from_a_list(browser, viewer):
+    phone = open_page(browser, viewer.url, 390, 844)
+    phone.get_by_text("Inside", exact=True).first.tap()
+    phone.get_by_label("Look at").first.tap()
+    phone.get_by_role("option", name="What matters here", exact=True).tap()
+    phone.get_by_test_id("verdict").get_by_text("decides most").wait_for()
+    assert phone.errors == []
+    phone.context.close()

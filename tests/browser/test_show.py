@@ -4,21 +4,11 @@ import csv
 import io
 import urllib.request
 
-import pytest
-
 from app import attract
 from app.config import ViewerConfig
 from app.main import Viewer
 from tests.browser.chromium import PATIENCE, open_page, until_window
 from tests.browser.conftest import ROI
-
-
-@pytest.fixture
-def page(browser, viewer):
-    opened = open_page(browser, viewer.url)
-    yield opened
-    assert opened.errors == []
-    opened.context.close()
 
 
 def test_one_key_copies_a_link_that_opens_paused_at_exactly_that_moment(browser, viewer, page):

@@ -17,14 +17,6 @@ from tests.browser.conftest import ROI
 SITE = "scale1.encoder.0.self"
 
 
-@pytest.fixture
-def page(browser, viewer):
-    opened = open_page(browser, viewer.url)
-    yield opened
-    assert opened.errors == []
-    opened.context.close()
-
-
 def seek(page, index):
     """Go to a window with the keys alone."""
     page.locator("body").press("Home")

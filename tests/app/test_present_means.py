@@ -1,0 +1,88 @@
+"""What all pictures are made with: the shared store, colours and sizes of type, words for numbers."""
+
+import re
+
+import pytest
+
+from app import present
+from app.present import style, words
+from app.present.attention import Site
+from app.present.html import empty, picture
+from app.present.shared import Shared
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration
+
+from .checked_html import PICK
+
+
+def test_the_store_never_grows_past_its_budget():
+    store = Shared(10_000)
+    for i in range(100):
+        assert store.text(i, lambda i=i: str(i) * 500).startswith(str(i))
+    assert store.nbytes <= 10_000
+    assert 0 < len(store) < 100
+    assert store.text("large", lambda: "x" * 20_000) == "x" * 20_000
+    assert store.nbytes <= 10_000
+
+
+def test_the_store_weighs_a_text_by_the_memory_it_takes():
+    plain, with_a_dash = Shared(100_000), Shared(100_000)
+    plain.text(0, lambda: "x" * 10_000)
+    with_a_dash.text(0, lambda: "x" * 9_999 + "–")
+    assert 10_000 <= plain.nbytes < 10_600
+    assert 20_000 <= with_a_dash.nbytes < 20_600
+
+
+def luminance(colour):
+    value = colour.lstrip("#")
+    channels = [int(value[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("ground", [style.SURFACE, style.INSET])
+@pytest.mark.parametrize("colour", [style.TEXT, style.SOFT, style.EXACT, style.WARNING, style.PROBLEM])
+def test_text_has_a_contrast_of_seven_to_one(colour, ground):
+    light, dark = sorted((luminance(colour), luminance(ground)), reverse=True)
+    assert (light + 0.05) / (dark + 0.05) >= 7
+
+
+def test_the_style_sheet_knows_three_sizes_of_type():
+    assert style.SIZES == (13, 15, 20)
+    literal = re.findall(r"font-size:(\d+)px", present.STYLE)
+    assert literal == []
+    assert present.STYLE.count("{") == present.STYLE.count("}")
+    assert present.STYLE.startswith("<style>")
+
+
+def test_pick_attributes_are_there_only_when_asked():
+    assert "data-k" not in picture("u", "a", key="k")
+    assert 'data-k="k" data-pick="1"' in picture("u", "a", key="k", on_pick=PICK)
+    assert "&lt;b&gt;" in empty("<b>", "x")
+
+
+def test_sites_are_read_from_their_names():
+    assert Site.of("scale2.decoder.0.cross") == (2, "decoder", 0, "cross")
+    assert present.site_words("scale3.decoder.1.cross", ("scale1.encoder.0.self", "scale3.encoder.0.self")) == (
+        "1/8 · decoder 2, cross-attention: 1/8 reads 1/8"
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (words.policy(BetweenFrames()), "from camera frame to camera frame"),
+        (words.policy(ByCount(10_000)), "every 10,000 events"),
+        (words.policy(ByDensity(0.35)), "every 0.35 events per pixel"),
+        (words.policy(ByDuration(20_000)), "every 20 ms"),
+        (words.policy(ByDuration(20_000, 5_000)), "every 20 ms, one each 5.0 ms"),
+        (words.seconds(0.62), "0.620 s"),
+        (words.seconds(62.5, 1), "1 min 02.5 s"),
+        (words.milliseconds(2310), "2.31 s"),
+        (words.rate(640_000), "640 k events/s"),
+        (words.short(0.0352), "0.0352"),
+        (words.short(12_300), "12,300"),
+        (words.fraction(0.25), "1/4"),
+    ],
+)
+def test_numbers_are_said_in_plain_words(made, said):
+    assert made == said
