@@ -137,8 +137,10 @@ class LossConfig:
 
 @dataclass(frozen=True, slots=True)
 class OptimiserConfig:
-    """AdamW and its learning rate."""
+    """How gradients become steps, and the learning rate."""
 
+    kind: Literal["adamw", "muon"] = "adamw"
+    """"adamw" as in the paper; "muon": steps of equal size in every direction of a matrix (`optimiser.py`)."""
     learning_rate: float = 3e-4
     schedule: Literal["cosine", "trapezoid", "exponential"] = "cosine"
     """"cosine" falls to `final_share` of the rate over the whole run; "trapezoid" stays and falls over the last

@@ -16,7 +16,7 @@ PLACE_GAINS = (3.0, 5.0, 8.0, 12.0)
 CONTENT_GAIN = 1.5
 PLACE_SHARE = 0.2
 """Size of the content in the channels that tell places, so that it does not drown the positions there."""
-MIX_GAIN = 0.3
+MIX_GAIN = 0.6
 """How much of what it read a token adds to itself."""
 FEED_FORWARD_GAIN = 0.3
 """Small writes to the residual stream, so that content and positions are still there in the last layer."""

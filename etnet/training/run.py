@@ -8,6 +8,7 @@ from pathlib import Path
 
 import torch
 from torch import nn
+from torch.optim import Optimizer
 
 from etnet.evaluation.lpips import LPIPS, load_lpips
 from etnet.nets.base import State
@@ -22,6 +23,7 @@ from etnet.training.data import Stretch
 from etnet.training.distributed import World
 from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, take_fitting
 from etnet.training.losses import Pairs, Terms, score
+from etnet.training.optimiser import build_optimiser
 from etnet.training.unroll import Draw, blindfold, draw_update, restart, unroll
 
 
@@ -47,7 +49,7 @@ class Run:
     world: World
     model: ETNet
     averaged: RunningMean
-    optimiser: torch.optim.AdamW
+    optimiser: Optimizer
     lpips: LPIPS
     reader: ContextReader
     update: int = 0
@@ -142,8 +144,7 @@ def begin(config: TrainConfig, world: World) -> Run:
     apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
     model.train()
     reader = ContextReader(config.network.dim, generator)
-    parameters = [*model.parameters(), *reader.parameters()]
-    optimiser = torch.optim.AdamW(parameters, weight_decay=config.optimiser.weight_decay)
+    optimiser = build_optimiser(model, reader.parameters(), config.optimiser)
     return Run(config, world, model, RunningMean(model, config.optimiser.ema), optimiser, load_lpips(), reader)
 
 

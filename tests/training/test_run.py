@@ -6,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import torch
@@ -36,12 +37,16 @@ def _same(first: Path, second: Path) -> bool:
     return one.update == other.update and all(torch.equal(a, b) for a, b in pairs)
 
 
-def test_a_run_that_stopped_goes_on_to_the_same_bits(tmp_path: Path):
-    loss = LossConfig(num_scored=2, temporal=0.5, temporal_after=2)
-    whole = micro(tmp_path / "whole", loss=loss)
+@pytest.mark.parametrize("kind", ["adamw", "muon"])
+def test_a_run_that_stopped_goes_on_to_the_same_bits(tmp_path: Path, kind: Literal["adamw", "muon"]):
+    changes = {
+        "loss": LossConfig(num_scored=2, temporal=0.5, temporal_after=2),
+        "optimiser": OptimiserConfig(kind=kind, warm_up=2),
+    }
+    whole = micro(tmp_path / "whole", **changes)
     train(whole)
     for stop in (1, 4):
-        parts = micro(tmp_path / f"parts{stop}", loss=loss)
+        parts = micro(tmp_path / f"parts{stop}", **changes)
         run = begin(parts, World())
         parts.out.mkdir()
         from etnet.training.data import stretches
