@@ -144,6 +144,8 @@ class TokenPyramidAggregation(nn.Module):
         self.norm = nn.LayerNorm(config.dim) if config.context_norm else nn.Identity()
 
     def forward(self, levels: tuple[Tensor, ...], observer: Observer, placement: Placement) -> Float[Tensor, "b d i j"]:
+        if observer.intervention.without_context and observer.probe is None:
+            return torch.zeros_like(levels[NUM_LEVELS])
         encoded, streams = {}, []
         for scale in self.scales:
             tokens = self.sequentialize[str(scale)](levels[scale], placement)

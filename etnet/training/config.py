@@ -101,6 +101,8 @@ class ContextConfig:
     blind_share: float = 0.5
     blind_tokens: tuple[int, int] = (3, 9)
     blind_squares: tuple[int, int] = (1, 2)
+    without_context: bool = False
+    """TPA's output is zero in every update: the control that tells what TPA is worth."""
     sensor_rows: tuple[int, int] = (14, 90)
     """Token rows of the imagined sensor that a crop is placed on."""
     sensor_columns: tuple[int, int] = (14, 160)

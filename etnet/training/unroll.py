@@ -51,7 +51,8 @@ def draw_update(config: TrainConfig, update: int, lanes: Sequence[int]) -> Draw:
             for i in range(len(scored))
         ]
         blind = torch.from_numpy(np.array(masks)).flatten(0, 1)
-    return Draw(scored, Intervention(removed_skips=dropped), placement, blind)
+    intervention = Intervention(removed_skips=dropped, without_context=config.context.without_context)
+    return Draw(scored, intervention, placement, blind)
 
 
 def skip_drop_at(config: ContextConfig, update: int) -> float:

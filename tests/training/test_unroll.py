@@ -8,6 +8,9 @@ from etnet.nets.base import Pyramid
 from etnet.nets.padding import TokenGrid
 from etnet.nets.presets import build_model
 from etnet.training.config import ContextConfig, LossConfig, Stage
+from etnet.training.data import stretches
+from etnet.training.distributed import World
+from etnet.training.run import begin
 from etnet.training.unroll import blindfold, draw_placement, draw_update, restart, skip_drop_at, unroll
 from tests.training.micro import micro
 
@@ -101,3 +104,16 @@ def test_placements_reach_the_far_end_of_a_large_sensor():
 def test_dropped_skips_become_rare_in_a_straight_line():
     config = ContextConfig(skip_drop=0.4, skip_drop_end=0.1, skip_drop_updates=100)
     assert [skip_drop_at(config, update) for update in (0, 50, 100, 500)] == pytest.approx([0.4, 0.25, 0.1, 0.1])
+
+
+def test_the_control_trains_everything_but_tpa(tmp_path: Path):
+    control = ContextConfig(without_context=True, skip_drop=0.0, skip_drop_end=0.0)
+    run = begin(micro(tmp_path, context=control), World())
+    before = {name: value.clone() for name, value in run.model.state_dict().items()}
+    for stretch in stretches(run.config, 0, [range(2)]):
+        run.step(stretch)
+        break
+    moved = {name for name, value in run.model.state_dict().items() if not torch.equal(value, before[name])}
+    assert moved
+    assert not any(name.startswith("tpa.") for name in moved)
+    assert all(any(name.startswith(part) for name in moved) for part in ("head.", "backbone.", "upsampler.", "tail."))
