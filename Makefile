@@ -41,7 +41,7 @@ pictures: test-tools
 	@$(BIN)/python -m tests.browser.pictures $(OUT)
 
 evaluate: $(VENV)/.view
-	@$(BIN)/etnet evaluate
+	@folder=$$($(BIN)/etnet sample slider_depth) && $(BIN)/etnet evaluate etnet-half "$$folder" static/samples/*.h5
 
 benchmark: $(VENV)/.view
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done

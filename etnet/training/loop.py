@@ -69,8 +69,9 @@ class Journal:
             self._tell("train", self._means())
         every = config.validation.every
         if every and (run.update % every == 0 or is_last):
+            began = time.perf_counter()
             self._validate()
-            self._clock = time.perf_counter()
+            self._clock += time.perf_counter() - began
 
     def _means(self) -> dict[str, Any]:
         recent, now = self._run.recent, time.perf_counter()
