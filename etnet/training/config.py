@@ -128,6 +128,8 @@ class LossConfig:
     """L1 between the images' means over a token's 8 × 8 pixels: what can only be told from far away."""
     context: float = 0.0
     """L1 between the image and what a linear layer reads off TPA's output alone (`context_reader.py`)."""
+    alive: float = 0.0
+    """What keeps the upsampler's units from falling silent: see `losses.silence`."""
     temporal: float = 0.0
     temporal_from: int = 2
     """First window of a clip at which temporal consistency counts (L0 in eq. 5)."""
@@ -190,9 +192,9 @@ class TrainConfig:
     network: ETNetConfig = field(default_factory=lambda: network_preset("etnet-half"))
     start: Path | None = None
     """Weights to begin with, whose parts that fit are taken; fresh ones else."""
-    initialise: Literal["default", "local", "local-attention"] = "default"
+    initialise: Literal["default", "local", "local-attention", "upsampler"] = "default"
     """"local": TPA and half of the upsampler begin anew, attention looking about itself; "local-attention": attention
-    alone does (`initialise.py`)."""
+    alone does; "upsampler": its blocks alone begin anew (`initialise.py`)."""
     stages: tuple[Stage, ...] = (Stage(10_000),)
     truncate: int = 10
     """Windows that gradients run back through."""

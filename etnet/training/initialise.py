@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import torch
 from torch import Tensor, nn
 
 from etnet.nets.attention import MultiHeadAttention
+from etnet.nets.blocks import Upsample
 from etnet.nets.etnet import ETNet, Sequentialize
 from etnet.nets.transformer import FeedForward
 
@@ -33,13 +35,18 @@ def start_locally(model: ETNet, generator: torch.Generator) -> None:
             nn.init.zeros_(module.contract.bias)
         if isinstance(module, Sequentialize) and isinstance(module.norm, nn.LayerNorm):
             _make_room_for_places(module.norm, _fast_channels(model.config.dim, model.config.dim // model.config.heads))
-    for block in list(model.upsampler)[:2]:
-        convolution = block.conv.conv  # pyright: ignore[reportAttributeAccessIssue]
-        assert isinstance(convolution, nn.Conv2d)
+    start_upsampler(list(model.upsampler)[:2], generator)
+    start_attention_locally(model, generator)
+
+
+def start_upsampler(blocks: Iterable[nn.Module], generator: torch.Generator) -> None:
+    """Begin blocks of the upsampler anew, each unit firing for half of what it sees (He et al. 2015)."""
+    for block in blocks:
+        assert isinstance(block, Upsample)
+        convolution = block.conv.conv
         nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu", generator=generator)
         assert convolution.bias is not None
         nn.init.zeros_(convolution.bias)
-    start_attention_locally(model, generator)
 
 
 @torch.no_grad()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, grid_sample
 
 from etnet.evaluation.lpips import LPIPS
+from etnet.nets.etnet import ETNet
 from etnet.nets.padding import PATCH
 from etnet.training.config import LossConfig
 
@@ -27,11 +30,12 @@ class Terms:
     gradient: Tensor
     tone: Tensor
     context: Tensor
+    alive: Tensor
     temporal: Tensor
 
     def numbers(self) -> dict[str, float]:
         """For the log."""
-        names = ("total", "perceptual", "l1", "gradient", "tone", "context", "temporal")
+        names = ("total", "perceptual", "l1", "gradient", "tone", "context", "alive", "temporal")
         return {name: float(getattr(self, name).detach()) for name in names}
 
 
@@ -51,8 +55,10 @@ def score(
     lpips: LPIPS,
     pairs: Pairs | None = None,
     context: Tensor | None = None,
+    alive: Tensor | None = None,
 ) -> Terms:
-    """The loss of a batch of frames, in fp32; temporal consistency where there are `pairs`. `context`: that term."""
+    """The loss of a batch of frames, in fp32; temporal consistency where there are `pairs`. `context` and `alive` are
+    those terms, which are not told from frames."""
     prediction = prediction.float()
     zero = prediction.new_zeros(())
     perceptual = lpips(prediction, target).mean() if config.perceptual else zero
@@ -70,6 +76,7 @@ def score(
         "gradient": gradient,
         "tone": tone,
         "context": zero if context is None else context,
+        "alive": zero if alive is None else alive,
         "temporal": temporal,
     }
     total = torch.stack([getattr(config, name) * term for name, term in weighted.items()]).sum()
@@ -106,3 +113,33 @@ def temporal_consistency(
     warped = warp(prediction_before, flow)
     change = (prediction_after - warped).abs() / (prediction_after.abs() + warped.abs() + 1e-5)
     return (visible * change).mean()
+
+
+def silence(drives: Iterable[Float[Tensor, "b c h w"]]) -> Tensor:
+    """How silent the units are that a ReLU follows: max(0, −1 − mean / deviation) of each channel's drive, averaged.
+
+    0 while every unit fires for more than about a sixth of what it sees. A ReLU that never fires has no gradient and
+    stays as it is; this one has, and brings it back.
+    """
+    found = []
+    for drive in drives:
+        deviation, mean = torch.std_mean(drive.float(), dim=(0, 2, 3))
+        found.append(torch.relu(-1 - mean / (deviation.detach() + 1e-6)).mean())
+    return torch.stack(found).mean()
+
+
+@contextmanager
+def drives_of(model: ETNet) -> Iterator[list[Tensor]]:
+    """Collects what the upsampler's ReLUs are given while the network decodes."""
+    seen: list[Tensor] = []
+
+    def keep(module: nn.Module, inputs: object, output: Tensor) -> None:
+        seen.append(output)
+
+    convolutions = [module for module in model.upsampler.modules() if isinstance(module, nn.Conv2d)]
+    handles = [convolution.register_forward_hook(keep) for convolution in convolutions]
+    try:
+        yield seen
+    finally:
+        for handle in handles:
+            handle.remove()

@@ -19,6 +19,8 @@ from etnet.training.config import OptimiserConfig
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the odd polynomial that drives all singular values to about 1 (Jordan et al. 2024, "Muon")."""
 NUM_ITERATIONS = 5
+OTHERS_RATE_SHARE = 0.25
+"""What is no matrix learns at this share of the rate: at a rate that suits matrices biases drive ReLUs silent."""
 LIKE_ADAM = 0.2
 """An orthogonal r × c matrix times this times √max(r, c) is about as large, element by element, as a step of AdamW, so
 that one learning rate serves both (Liu et al. 2025, "Muon is scalable for LLM training", eq. 4)."""
@@ -108,4 +110,7 @@ def _groups(model: ETNet, others: list[nn.Parameter]) -> list[dict[str, Any]]:
     for parameter in model.parameters():
         is_matrix = parameter.ndim >= 2 and parameter not in ends
         blocks[fused.get(parameter, 1) if is_matrix else 0].append(parameter)
-    return [{"params": parameters, "blocks": count} for count, parameters in blocks.items()]
+    return [
+        {"params": parameters, "blocks": count, "rate_share": 1.0 if count else OTHERS_RATE_SHARE}
+        for count, parameters in blocks.items()
+    ]

@@ -21,8 +21,8 @@ from etnet.training.config import OptimiserConfig, TrainConfig
 from etnet.training.context_reader import ContextReader, context_of
 from etnet.training.data import Stretch
 from etnet.training.distributed import World
-from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, take_fitting
-from etnet.training.losses import Pairs, Terms, score
+from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, start_upsampler, take_fitting
+from etnet.training.losses import Pairs, Terms, drives_of, score, silence
 from etnet.training.optimiser import build_optimiser
 from etnet.training.unroll import Draw, blindfold, draw_update, restart, unroll
 
@@ -65,7 +65,7 @@ class Run:
         before = None if done == 0 else restart(self.state, stretch.is_cold)
         rate = learning_rate_at(config.optimiser, self.update, config.updates)
         for group in self.optimiser.param_groups:
-            group["lr"] = rate
+            group["lr"] = rate * group.get("rate_share", 1.0)
 
         with torch.random.fork_rng(devices=[]):
             # For dropout alone; each process has its own, so with it two processes are not one.
@@ -88,11 +88,12 @@ class Run:
         pyramid, state = unroll(self.model, stretch.voxels, before, draw.scored)
         if draw.blind is not None:
             pyramid = blindfold(pyramid, draw.blind)
-        with context_of(self.model) as contexts:
+        with context_of(self.model) as contexts, drives_of(self.model) as drives:
             frames, _ = self.model.decode(pyramid, intervention=draw.intervention, placement=draw.placement)
         targets, loss = stretch.frames[list(draw.scored)].flatten(0, 1), self.config.loss
         told = self.reader.error(contexts[0], targets) if loss.context else None
-        return score(frames, targets, loss, self.lpips, self._pairs(stretch, draw), told), state
+        alive = silence(drives) if loss.alive else None
+        return score(frames, targets, loss, self.lpips, self._pairs(stretch, draw), told, alive), state
 
     def _pairs(self, stretch: Stretch, draw: Draw) -> Pairs | None:
         """Scored frames that follow each other directly, from window L0 of their clip on."""
@@ -141,6 +142,8 @@ def begin(config: TrainConfig, world: World) -> Run:
         start_locally(model, generator)
     if config.initialise == "local-attention":
         start_attention_locally(model, generator)
+    if config.initialise == "upsampler":
+        start_upsampler(model.upsampler, generator)
     apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
     model.train()
     reader = ContextReader(config.network.dim, generator)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -6,8 +7,12 @@ import torch
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.etnet import ETNet
 from etnet.nets.presets import PRESETS, build_model
+from etnet.nets.weights import save_weights
+from etnet.training.distributed import World
 from etnet.training.initialise import DEEP_PATH, start_locally, take_fitting
+from etnet.training.run import begin
 from etnet.training.watch import health_of, mean_cosine, mean_spread
+from tests.training.micro import micro
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +78,17 @@ def test_cosine_and_spread_know_the_two_ends():
     each_its_own = torch.eye(6, 10).expand(2, 6, 10)
     assert mean_cosine(each_its_own) == pytest.approx(0.0)
     assert mean_spread(each_its_own) == pytest.approx(0.1)
+
+
+def test_a_run_can_begin_with_a_fresh_upsampler_and_all_else_kept(tmp_path: Path):
+    weights = tmp_path / "weights.safetensors"
+    config = micro(tmp_path, start=weights, initialise="upsampler")
+    trained = build_model(config.network, torch.Generator().manual_seed(5))
+    save_weights(trained, weights, {})
+    model = begin(config, World()).model
+    changed = {
+        name.rsplit(".", 2)[0]
+        for name, value in model.state_dict().items()
+        if not torch.allclose(value, trained.state_dict()[name], atol=1e-2)
+    }
+    assert changed == {f"upsampler.{block}.conv" for block in range(3)}

@@ -1,13 +1,15 @@
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from etnet.evaluation.lpips import load_lpips
+from etnet.nets.presets import build_model
 from etnet.simulation.config import SceneConfig, SequenceConfig
 from etnet.simulation.sequence import simulate_sequence
 from etnet.training.config import LossConfig
 from etnet.training.data import procedural_pool
-from etnet.training.losses import Pairs, gradient_l1, score, temporal_consistency, warp
+from etnet.training.losses import Pairs, drives_of, gradient_l1, score, silence, temporal_consistency, warp
 
 
 @pytest.fixture
@@ -59,11 +61,11 @@ def test_a_constant_offset_has_no_gradient_error(images: torch.Tensor):
 
 
 def test_the_total_is_the_weighted_sum_of_the_terms(images: torch.Tensor):
-    config = LossConfig(perceptual=0.7, l1=0.2, gradient=0.4, tone=0.3, context=0.6, temporal=0.5)
+    config = LossConfig(perceptual=0.7, l1=0.2, gradient=0.4, tone=0.3, context=0.6, alive=0.1, temporal=0.5)
     pairs = Pairs(torch.tensor([0]), torch.tensor([1]), torch.zeros(1, 2, 40, 48))
-    terms = score(images, images.flip(0), config, load_lpips(), pairs, torch.tensor(0.25))
+    terms = score(images, images.flip(0), config, load_lpips(), pairs, torch.tensor(0.25), torch.tensor(2.0))
     expected = 0.7 * terms.perceptual + 0.2 * terms.l1 + 0.4 * terms.gradient + 0.3 * terms.tone
-    expected = expected + 0.6 * 0.25 + 0.5 * terms.temporal
+    expected = expected + 0.6 * 0.25 + 0.1 * 2 + 0.5 * terms.temporal
     assert torch.allclose(terms.total, expected)
     assert min(terms.numbers().values()) > 0
 
@@ -71,3 +73,33 @@ def test_the_total_is_the_weighted_sum_of_the_terms(images: torch.Tensor):
 def test_equal_images_cost_nothing(images: torch.Tensor):
     terms = score(images, images, LossConfig(), load_lpips())
     assert float(terms.total) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_units_that_fire_now_and_then_are_left_alone():
+    drive = torch.randn(4, 6, 20, 20, generator=torch.Generator().manual_seed(3))
+    assert silence([drive, drive - 0.8]) == 0
+    assert silence([drive - 3]) == pytest.approx(2, abs=0.2)
+
+
+def test_a_silent_unit_is_pulled_back_until_it_fires():
+    layer = nn.Conv2d(3, 5, 3)
+    nn.init.constant_(layer.bias, -20.0)
+    images = torch.rand(2, 3, 12, 12, generator=torch.Generator().manual_seed(0))
+    optimiser = torch.optim.SGD(layer.parameters(), lr=0.5)
+    for _ in range(400):
+        optimiser.zero_grad()
+        silence([layer(images)]).backward()
+        optimiser.step()
+    assert ((layer(images) > 0).float().mean((0, 2, 3)) > 0.1).all()
+
+
+def test_the_upsamplers_drives_are_seen_and_decoding_stays_as_it_was():
+    model = build_model("tiny")
+    pyramid, _ = model.encode(torch.randn(1, 5, 40, 48, generator=torch.Generator().manual_seed(0)), None)
+    alone, _ = model.decode(pyramid)
+    with drives_of(model) as drives:
+        watched, _ = model.decode(pyramid)
+    assert torch.equal(alone, watched)
+    assert [drive.shape[1] for drive in drives] == [16, 8, 4]
+    model.decode(pyramid)
+    assert len(drives) == 3

@@ -65,6 +65,7 @@ def test_every_parameter_is_in_one_group():
     assert set(grouped) == {*model.parameters(), *reader.parameters()}
     ends = {*model.head.parameters(), *model.tail.parameters()}
     assert all(group["blocks"] == 0 for group in optimiser.param_groups if ends & set(group["params"]))
+    assert all((group["rate_share"] < 1) == (group["blocks"] == 0) for group in optimiser.param_groups)
 
 
 def test_moments_survive_a_checkpoint(tmp_path: Path):
