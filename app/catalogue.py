@@ -13,10 +13,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Lock, Thread
+from threading import Lock
 from typing import Any, Literal
 
 from app.config import ViewerConfig
+from app.crew import CREW
 from app.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
 from etnet.bundled import models, samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
@@ -102,7 +103,7 @@ class Catalogue:
             if is_due:
                 self._next_look = math.inf
         if is_due:
-            Thread(target=self._look_beside, daemon=True, name="watching").start()
+            CREW.start(self._look_beside, "watching")
         return self._entries
 
     def growing(self) -> tuple[str, ...]:

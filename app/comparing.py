@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import bisect
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 from app.answers import Answers
 from app.catalogue import Catalogue, ModelEntry
 from app.cleaned import cleaned_once
 from app.compare_view import MOST_LANES, Lane
+from app.crew import CREW
 from app.present import Moment, Tones
 from app.present.lane import LaneShown, Truth
 from app.studio import WARM_UP
@@ -172,8 +173,7 @@ class Comparing:
             return self._plans[plan]
         if plan not in self._planning:
             self._planning.add(plan)
-            work = (plan, moment.recording)
-            threading.Thread(target=self._plan, args=work, daemon=True, name="planning").start()
+            CREW.start(partial(self._plan, plan, moment.recording), "planning")
         return None
 
     def _plan(self, plan: LanePlan, recording: Recording) -> None:

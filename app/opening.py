@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from app.catalogue import Catalogue, suited_policy
+from app.crew import CREW
 from app.view_state import Limits
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
@@ -64,7 +65,7 @@ class Opener:
         """Begin with a plan, unless it is the last one that was begun."""
         if plan != self._begun:
             self._begun = plan
-            threading.Thread(target=self._open, args=(plan,), daemon=True, name="opening").start()
+            CREW.start(partial(self._open, plan), "opening")
 
     def heard(self, plan: Plan) -> None:
         """The answer to a plan has come: it may be begun again."""

@@ -59,6 +59,11 @@ def report(name: str, rows: list[dict[str, object]]) -> None:
                 f"{key}={value:.4g}" if isinstance(value, float) else f"{key}={value}" for key, value in row.items()
             )
         )
+    keep(name, rows)
+
+
+def keep(name: str, rows: list[dict[str, object]]) -> None:
+    """Keep the rows with the machine they were measured on; what was kept before under this name is replaced."""
     RESULTS.mkdir(exist_ok=True)
     content = {"machine": machine(), "rows": rows}
     (RESULTS / f"{name}.json").write_text(json.dumps(content, indent=1, default=str) + "\n")

@@ -1,12 +1,13 @@
-"""The demo under visitors that never end: python benchmarks/soak.py [MINUTES]   (an hour is kept in the results)
+"""The demo under visitors that never end: python benchmarks/soak.py [MINUTES]   (20 and more are kept in the results)
 
 The demo runs in a process of its own, with a step of the network that fails now and then. Visitors that are only
-websockets come in rounds: they watch, drag, click, look inside, ask for help, send nonsense, go in mid-drag without a
-word. After each round everybody has gone, and what the process holds is counted: resident memory, threads, open files,
-viser's handles, sessions.
+websockets come once a minute, a few at once and one after the other: they watch, drag, click, look inside, ask for
+help, send nonsense, go in mid-drag without a word. Then everybody has gone and the server has swept up, and what the
+process holds is counted: resident memory, threads, open files, viser's handles, sessions. The rest of the minute is
+rest, so that it runs beside other work. The curve is written as it grows: a run that is ended leaves what it has.
 
-Caches that fill look like a leak. Their caps are set so low here that they are nearly full after the warm-up, their
-bytes are counted too, and so is what the allocator has handed out beyond them: that is where a leak would show.
+Caches that fill look like a leak. Their caps are set low here and they are filled before anybody comes. Their bytes are
+counted too, and so is what the allocator has handed out beyond them: that is where a leak would show.
 """
 
 import asyncio
@@ -23,18 +24,25 @@ import threading
 import time
 from pathlib import Path
 
-from measure import report
+from measure import keep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-VISITORS = 4
-ROUND = 30.0
+VISITS = 12
+"""In a round."""
+AT_ONCE = 3
+LONGEST = 12.0
+"""Seconds of a visit."""
+ROUND = 60.0
+"""Seconds from one round to the next, where it was over by then."""
 REST = 24.0
 """Seconds after which those who have left are gone for good, and their memory was given back (app/upkeep.py)."""
 KEPT_FROM = 20.0
 """Minutes: what ran shorter is printed and not kept."""
 WARM = 10.0
-"""Minutes until the caches are as full as they get."""
+"""Minutes that are not counted: code is loaded and buffers find their size."""
+FILLED = 26
+"""Windows of each recording that are asked for before anybody comes: more than the caches hold."""
 CACHES = {"states": 96, "pictures": 8, "arrays": 32, "frames": 4}
 """MB; the viewer's own caps are 1,024 (--budget), 64, 96 and 32."""
 EVERY = 25
@@ -51,6 +59,7 @@ def serve() -> None:
 
     viewer = Viewer(ViewerConfig(demo=True, port=0, precision="fp32", budget=CACHES["states"], threads=1))
     _lower_caps(viewer.engine)
+    _fill(viewer)
     faults = _break_now_and_then(viewer.engine)
     print(viewer.port, flush=True)
     for _ in sys.stdin:
@@ -63,6 +72,28 @@ def _lower_caps(engine) -> None:
 
     PICTURES._budget_bytes, ARRAYS._budget_bytes = CACHES["pictures"] << 20, CACHES["arrays"] << 20
     engine._recent._largest = CACHES["frames"] << 20
+
+
+def _fill(viewer) -> None:
+    """Show so much of every recording that the playbacks hold as many states and frames as they may."""
+    from app.catalogue import suited_policy
+    from app.wishes import Failed, Ready, Wish
+    from etnet.windows import plan_windows
+
+    answered = threading.Semaphore(0)
+
+    def hear(reply) -> None:
+        if isinstance(reply, Failed) or (isinstance(reply, Ready) and not reply.is_approximate):
+            answered.release()
+
+    model = viewer.catalogue.models()[0].id
+    for entry in viewer.catalogue.entries():
+        recording = viewer.catalogue.open(entry.id)
+        policy = suited_policy(recording)
+        for index in range(min(FILLED, len(plan_windows(recording, policy)))):
+            viewer.engine.request("filling", Wish(entry.id, model, "fp32", policy, index), hear)
+            answered.acquire()
+    viewer.engine.drop("filling")
 
 
 def _break_now_and_then(engine) -> list[int]:
@@ -87,18 +118,20 @@ def _held(viewer) -> dict[str, float]:
     resident = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     gc.collect()
     handed_out, caches = _handed_out(), _cached_bytes(viewer.engine) / 1e6
+    # The type, not isinstance: asked for its class, a lazy object of some library would load what it stands for.
     kinds = (viser.GuiInputHandle, viser.GuiHtmlHandle, viser.GuiButtonHandle, viser.SceneNodeHandle)
-    objects = gc.get_objects()
+    objects = [type(held) for held in gc.get_objects()]
     return {
         "resident_mb": resident,
         "caches_mb": caches,
         "beyond_caches_mb": handed_out - caches,
-        "threads": threading.active_count(),
+        "threads": len(os.listdir("/proc/self/task")),
         "files": len(os.listdir("/proc/self/fd")),
-        "viser_handles": sum(isinstance(held, kinds) for held in objects),
-        "sessions": sum(isinstance(held, Session) for held in objects),
+        "viser_handles": sum(issubclass(held, kinds) for held in objects),
+        "sessions": sum(issubclass(held, Session) for held in objects),
         "visitors_now": len(viewer.server.get_clients()),
         "objects": len(objects),
+        "cpu_seconds": round(time.process_time(), 1),
     }
 
 
@@ -133,7 +166,7 @@ def _cached_bytes(engine) -> int:
 
 
 async def _watch(browser, rng) -> None:
-    await asyncio.sleep(rng.uniform(5, 30))
+    await asyncio.sleep(rng.uniform(2, 8))
 
 
 async def _drag(browser, rng) -> None:
@@ -183,20 +216,20 @@ async def _talk_nonsense(browser, rng) -> None:
 STORIES = (_watch, _drag, _drag, _click, _click, _choose, _look_inside, _play, _ask_help, _talk_nonsense)
 
 
-async def visit(port: int, rng: random.Random, ends: float) -> None:
-    """One visitor: a few of the stories, then away, sometimes without a word."""
+async def visit(port: int, rng: random.Random) -> bool:
+    """One visitor: a few of the stories, then away, sometimes without a word. Whether he was shown anything."""
     import websockets
 
     from tests.app.stand_ins import Browser
 
-    # On a machine that is busy with other things a handshake may time out: the visitor tries again.
-    with contextlib.suppress(websockets.ConnectionClosed, TimeoutError):
+    ends, was_shown = time.monotonic() + LONGEST, False
+    # On a machine that is busy with other things a page may take too long.
+    with contextlib.suppress(websockets.ConnectionClosed, TimeoutError, AssertionError):
         async with Browser.open(port, tab=rng.randrange(256), aspect=rng.choice([1.6, 1.6, 0.5])) as browser:
             await browser.until_shown('data-testid="timeline"', 60)
-            for _ in range(rng.randrange(1, 6)):
-                left = ends - time.monotonic()
-                if left < 1:
-                    break
+            was_shown = True
+            for _ in range(rng.randrange(1, 5)):
+                left = max(ends - time.monotonic(), 0.1)
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(rng.choice(STORIES)(browser, rng), left)
             if rng.random() < 0.5:
@@ -204,53 +237,56 @@ async def visit(port: int, rng: random.Random, ends: float) -> None:
                 await asyncio.sleep(0.2)
                 browser._socket.transport.abort()  # the cable is out
                 drag.cancel()
+    return was_shown
 
 
 async def round_of_visits(port: int, rng: random.Random) -> int:
-    """`VISITORS` at once for `ROUND` seconds, each followed by another; how many came."""
-    ends, came = time.monotonic() + ROUND, 0
+    """`VISITS` visitors, `AT_ONCE` at a time; how many of them were shown something."""
+    waiting, shown = iter(range(VISITS)), []
 
     async def place() -> None:
-        nonlocal came
-        while time.monotonic() < ends - 3:
-            came += 1
-            await visit(port, rng, ends)
+        for _ in waiting:
+            shown.append(await visit(port, rng))
 
-    await asyncio.gather(*(place() for _ in range(VISITORS)))
-    return came
+    await asyncio.gather(*(place() for _ in range(AT_ONCE)))
+    return sum(shown)
 
 
 def main(minutes: float) -> None:
-    """Rounds of visitors for so long, then the curve."""
-    rng, began, came, rows = random.Random(7), time.monotonic(), 0, []
+    """Rounds of visitors for so long; the curve is printed and kept as it grows."""
+    rng, came, shown, rows = random.Random(7), 0, 0, []
     server = subprocess.Popen(
         [sys.executable, __file__, "--serve"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
     assert server.stdin is not None
     assert server.stdout is not None
     try:
-        port = int(server.stdout.readline())
+        port, began = int(server.stdout.readline()), time.monotonic()
         while (passed := (time.monotonic() - began) / 60) < minutes:
-            came += asyncio.run(round_of_visits(port, rng))
-            time.sleep(REST)
+            came, shown = came + VISITS, shown + asyncio.run(round_of_visits(port, rng))
+            time.sleep(max(REST, began + passed * 60 + ROUND - time.monotonic()))
             print("?", file=server.stdin, flush=True)
             held = json.loads(server.stdout.readline())
-            rows.append({"minute": round(passed, 2), "visits": came, **held})
+            rows.append({"minute": round((time.monotonic() - began) / 60, 2), "visits": came, "shown": shown, **held})
             print(rows[-1], flush=True)
+            if minutes >= KEPT_FROM:
+                keep("soak", [growth(rows), *rows])
     finally:
         server.stdin.close()
-        server.wait(30)
-    if minutes >= KEPT_FROM:
-        report("soak", [growth(rows), *rows])
+        server.wait(60)
+    print(growth(rows))
 
 
 def growth(rows: list[dict]) -> dict[str, object]:
     """What grew after the warm-up, per hour, and the extremes of the counts."""
     late = [row for row in rows if row["minute"] >= WARM]
+    if len(late) < 3:
+        return {"what": f"no line yet: {len(late)} countings after {WARM:.0f} minutes"}
     counts = {
         name: f"{min(row[name] for row in late):.0f} … {max(row[name] for row in late):.0f}"
         for name in ("resident_mb", "caches_mb", "beyond_caches_mb", "threads", "files", "viser_handles", "sessions")
@@ -258,7 +294,8 @@ def growth(rows: list[dict]) -> dict[str, object]:
     grew = {
         f"{name}_per_hour": slope(late, name) for name in ("resident_mb", "caches_mb", "beyond_caches_mb", "objects")
     }
-    return {"what": f"after {WARM:.0f} minutes", **grew, **counts}
+    visits = late[-1]["visits"] - late[0]["visits"]
+    return {"what": f"after {WARM:.0f} minutes", "countings": len(late), "visits": visits, **grew, **counts}
 
 
 def slope(rows: list[dict], name: str) -> str:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Thread
 from typing import TYPE_CHECKING, Any, cast
 
+from app.looking.writer import Writer
 from app.show_view import Order, Parcel
 from app.studies import KEPT_BYTES, Study
 from app.studio import Stage
@@ -66,7 +66,8 @@ class Taking:
         with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
             name = f"{plain_name(take.recording.name)}.{ENDINGS[self.order.wanted.parcel]}"
             path = Path(folder) / name
-            writer = _Writer(partial(write, self.order, take, path), relay, stage.contract.threads)
+            work = partial(_write, self.order, take, path, stage.contract.threads)
+            writer = Writer(work, "taking away", relay.give_up)
             try:
                 while not writer.is_done:
                     with suppress(Cancelled):  # somebody waits for a frame: it comes first, the writer's step after it
@@ -125,6 +126,17 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             write_session(record_session(take, order.policy, progress=progress, is_cancelled=is_cancelled), path)
 
 
+def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Writer) -> None:
+    import torch
+
+    torch.set_num_threads(num_threads)  # a thread begins with torch's own number, not the engine's
+
+    def progress(done: int, total: int) -> None:
+        writer.share = done / max(total, 1)
+
+    write(order, take, path, progress, lambda: writer.is_stopped)
+
+
 class _Relay:
     """A playback as a writer's thread sees it: its steps are made on the engine's thread, one at a time."""
 
@@ -166,48 +178,6 @@ class _Relay:
     def give_up(self) -> None:
         """Let a writer that waits go."""
         self._answers.put(Cancelled("what was to be taken away is not wanted any more"))
-
-
-class _Writer:
-    """A thread that writes one file."""
-
-    def __init__(self, work: Callable[[Progress, Callable[[], bool]], None], relay: _Relay, num_threads: int) -> None:
-        self._num_threads = num_threads
-        self.share = 0.0
-        self._relay = relay
-        self._failure: BaseException | None = None
-        self._is_stopped = False
-        self._thread = Thread(target=self._run, args=(work,), daemon=True, name="taking away")
-        self._thread.start()
-
-    def _run(self, work: Callable[[Progress, Callable[[], bool]], None]) -> None:
-        import torch
-
-        try:
-            torch.set_num_threads(self._num_threads)  # a thread begins with torch's own number, not the engine's
-            work(self._progress, lambda: self._is_stopped)
-        except BaseException as error:  # told to whoever ordered it, on the engine's thread
-            self._failure = error
-
-    def _progress(self, done: int, total: int) -> None:
-        self.share = done / max(total, 1)
-
-    @property
-    def is_done(self) -> bool:
-        """Whether it has ended, well or not."""
-        return not self._thread.is_alive()
-
-    def raise_failure(self) -> None:
-        """What went wrong, if anything did."""
-        if self._failure is not None:
-            raise self._failure
-
-    def stop(self) -> None:
-        """End it between two windows, and wait for that."""
-        self._is_stopped = True
-        if self._thread.is_alive():
-            self._relay.give_up()
-            self._thread.join()
 
 
 def _take_of(order: Order, stage: Stage) -> Take:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import torch
 from einops import rearrange
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, scaled_dot_product_attention
 
 from etnet.errors import ModelError
+from etnet.nets.base import kept_alive
 from etnet.nets.intervention import Intervention
 from etnet.nets.padding import TokenGrid
 
@@ -58,8 +60,8 @@ class Attention:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of q, k and v; W_O belongs to the network."""
-        return sum(tensor.nbytes for held in (self.queries, self.keys, self.values) for tensor in held.values())
+        """Bytes that it keeps alive: q and k are views of one product that holds v, too. W_O belongs to the network."""
+        return kept_alive(chain(self.queries.values(), self.keys.values(), self.values.values()))
 
     def rows(self, site: str, tokens: Sequence[int]) -> Float[Tensor, "heads queries keys"]:
         """Where each of `tokens` looks: one distribution over all keys per head, softmax in fp32; rows sum to 1."""

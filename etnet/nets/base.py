@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -14,6 +14,12 @@ from etnet.nets.intervention import ORIGINAL, Intervention
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention, AttentionProbe
+
+
+def kept_alive(tensors: Iterable[Tensor]) -> int:
+    """Bytes that these tensors keep from being freed: of a view it is the whole of what it looks into, counted once."""
+    blocks = {(block := tensor.untyped_storage()).data_ptr(): block.nbytes() for tensor in tensors}
+    return sum(blocks.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +52,7 @@ class State:
     @property
     def nbytes(self) -> int:
         """Bytes held by the tensors."""
-        return sum(tensor.nbytes for tensor in self.tensors)
+        return kept_alive(self.tensors)
 
 
 @dataclass(frozen=True, slots=True)

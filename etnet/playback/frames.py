@@ -7,6 +7,8 @@ from collections.abc import Hashable
 
 from torch import Tensor
 
+from etnet.nets.base import kept_alive
+
 
 class Frames:
     """Decoded frames by key, within a budget of bytes."""
@@ -25,7 +27,7 @@ class Frames:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all frames held."""
+        """Bytes of all frames held, with the margins that were cropped away."""
         return self._nbytes
 
     def get(self, key: Hashable) -> Tensor | None:
@@ -37,7 +39,7 @@ class Frames:
     def put(self, key: Hashable, frame: Tensor) -> None:
         """Keep a frame; what exceeds the budget is dropped, the least recently shown first."""
         if key not in self._frames:
-            self._nbytes += frame.nbytes
+            self._nbytes += kept_alive((frame,))
         self._frames[key] = frame
         self._frames.move_to_end(key)
         self._shrink()
@@ -49,4 +51,4 @@ class Frames:
 
     def _shrink(self) -> None:
         while self._frames and self._nbytes > self._budget_bytes:
-            self._nbytes -= self._frames.popitem(last=False)[1].nbytes
+            self._nbytes -= kept_alive((self._frames.popitem(last=False)[1],))

@@ -140,7 +140,9 @@ def test_values_are_kept_on_demand_and_never_change_the_frame():
     assert probed.attention is not None
     assert full.attention is not None
     assert not probed.attention.values
-    assert full.attention.nbytes > probed.attention.nbytes
+    # v lies in one block with q and k: keeping it costs nothing that was not kept anyway.
+    assert full.attention.nbytes == probed.attention.nbytes
+    assert full.attention.values
     with pytest.raises(ModelError, match=r"AttentionProbe\(values=True\)"):
         value_weighted(probed.attention, "scale1.encoder.0.self", [0])
 

@@ -79,6 +79,18 @@ def test_only_probed_sites_are_kept_and_others_are_named():
         attention.columns("nowhere", [0])
 
 
+def test_attention_weighs_what_it_keeps_alive_and_not_only_what_it_shows():
+    model, voxel = build_model("tiny").eval(), torch.zeros(1, 5, 24, 32)
+    for values in (False, True):
+        _, attention = model.decode(model.encode(voxel)[0], AttentionProbe(values=values))
+        held = (attention.queries, attention.keys, attention.values)
+        blocks = {t.untyped_storage().data_ptr(): t.untyped_storage() for part in held for t in part.values()}
+        assert attention.nbytes == sum(block.nbytes() for block in blocks.values())
+        # q and k are views of one product, which holds v as well.
+        shown = sum(tensor.nbytes for part in held[:2] for tensor in part.values())
+        assert attention.nbytes >= shown * 1.4
+
+
 def test_probing_takes_a_batch_of_one():
     with pytest.raises(ModelError, match="batch of 1"):
         build_model("tiny")(torch.zeros(2, 5, 16, 16), probe=AttentionProbe())

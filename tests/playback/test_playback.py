@@ -12,9 +12,11 @@ from etnet.errors import Cancelled
 from etnet.events.edit import EventEdit
 from etnet.events.recording import Recording, recording_of_events
 from etnet.nets.attention import AttentionProbe
+from etnet.nets.base import kept_alive
 from etnet.nets.etnet import ETNet
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
+from etnet.playback.frames import Frames
 from etnet.playback.playback import Playback
 from etnet.reconstruction import window_voxel
 from etnet.voxel import voxel_grid
@@ -60,7 +62,7 @@ def _playback(model, budget_states: float, budget_frames: int = 4) -> Playback:
     recording = _recording()
     playback = Playback(model, recording, plan_windows(recording, ByCount(100)))
     step = playback.at(0)
-    frame_bytes, state_bytes = step.frame.nbytes, step.state.nbytes
+    frame_bytes, state_bytes = kept_alive((step.frame,)), step.state.nbytes
     playback._states.set_budget(int(budget_states * state_bytes), 0)
     playback._frames.set_budget(budget_frames * frame_bytes)
     return playback
@@ -218,3 +220,12 @@ def test_a_state_is_given_without_decoding():
     state = playback.state(6)
     assert (model.encoded, model.decoded) == (6, 0)
     assert all(torch.equal(a, b) for a, b in zip(state, TRUTH[6].state, strict=True))
+
+
+def test_a_frame_weighs_its_margins_too_because_they_stay_with_it():
+    padded = torch.zeros(1, 1, 16, 24)
+    frames = Frames(3 * padded.nbytes)
+    for index in range(10):
+        frames.put(index, padded.clone()[..., 1:14, 2:21])
+    assert len(frames.keys()) == 3
+    assert frames.nbytes == 3 * padded.nbytes
