@@ -20,7 +20,7 @@ from etnet.events.formats.columns import (
     pixel_column,
     signed_polarity,
 )
-from etnet.events.recording import EventSource, Span
+from etnet.events.recording import EventSource, Growth, Span
 
 FEW = 0.01
 """The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
@@ -47,6 +47,7 @@ class Collected:
     source: EventSource
     sensor: Sensor
     span: Span
+    growth: Growth | None = None
 
 
 @dataclass
