@@ -11,6 +11,7 @@ import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
@@ -19,6 +20,7 @@ from typing import Any, Literal
 from app.config import ViewerConfig
 from app.crew import CREW
 from app.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.part_ids import known_as, whole_id
 from etnet.bundled import models, samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
 from etnet.events.recording import Recording, Remark
@@ -37,6 +39,8 @@ WEIGHTS_FORMAT = "etnet-weights-1"
 LOOK_EVERY = 1.0
 """Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
 _PATIENCE = 20
+OPENS_WITHIN = 1.0
+"""Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
 RUNNABLE_PIXELS = 160_000
 """Above it a step of the default network takes seconds on two cores; 480×320 is below, 640×480 above."""
 DEFAULT_DENSITY = 0.35
@@ -118,7 +122,7 @@ class Catalogue:
         known = {entry.id for entry in entries}
         with self._lock:
             self._entries = entries
-            for gone in self._open.keys() - known:
+            for gone in [key for key in self._open if whole_id(key) not in known]:
                 del self._open[gone]  # closed when its last user lets go of it
             for gone in self._opening.keys() - known:
                 del self._opening[gone]
@@ -138,8 +142,8 @@ class Catalogue:
         return self._models
 
     def entry(self, recording_id: str) -> Entry:
-        """The entry of an id; an error if there is none."""
-        found = next((entry for entry in self._entries if entry.id == recording_id), None)
+        """The entry of an id, a part's too; an error if there is none."""
+        found = next((entry for entry in self._entries if entry.id == whole_id(recording_id)), None)
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
         return found
@@ -152,23 +156,42 @@ class Catalogue:
         return found
 
     def open(self, recording_id: str, progress: Callable[[float], None] | None = None) -> Recording:
-        """The recording of an id, opened on the first call. Raises EtnetError and nothing else."""
+        """The recording of an id, opened on the first call; `known_as` says by which id. EtnetError and nothing else.
+
+        Of a large file that is still being indexed it is the part that is there, and all of it in a later call.
+        """
         entry = self.entry(recording_id)
         with self._lock:
-            if recording_id in self._open:
-                self._open.move_to_end(recording_id)
-                return self._open[recording_id]
-            turn = self._opening.setdefault(recording_id, Lock())
+            if (held := self._held(recording_id)) is not None:
+                return held
+            turn = self._opening.setdefault(entry.id, Lock())
         with turn:
             with self._lock:
-                if recording_id in self._open:
-                    return self._open[recording_id]
+                if (held := self._held(recording_id)) is not None:
+                    return held
+            if recording_id != entry.id:
+                raise CatalogueError(
+                    f"{entry.title}: this part of it is closed, for more of it is known; open it again"
+                )
             recording = self._read(entry, progress)
             with self._lock:
-                self._open[recording_id] = recording
+                self._open[known_as(entry.id, recording)] = recording
                 while len(self._open) > KEPT_OPEN:
                     self._open.popitem(last=False)  # closed when its last user lets go of it
             return recording
+
+    def _held(self, recording_id: str) -> Recording | None:
+        """What is open by this very id; else, of a file that is asked for as a whole, a part that still grows."""
+        growing = (
+            key
+            for key, part in self._open.items()
+            if whole_id(key) == recording_id and part.growth is not None and not part.growth.is_over
+        )
+        key = recording_id if recording_id in self._open else next(growing, None)
+        if key is None:
+            return None
+        self._open.move_to_end(key)
+        return self._open[key]
 
     def close(self) -> None:
         """Close every recording that is kept open."""
@@ -191,12 +214,13 @@ class Catalogue:
             if path.suffix.lower() in VIDEO_SUFFIXES:
                 path, told = self._seen(path, progress)
             asked = self._config.downsample
-            recording = open_recording(path, view=View(self._config.region, asked or 1), progress=progress)
+            opened = partial(open_recording, path, progress=progress, patience=OPENS_WITHIN)
+            recording = opened(view=View(self._config.region, asked or 1))
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
                 whole = recording.sensor
                 recording.close()
-                recording = open_recording(path, view=View(self._config.region, factor), progress=progress)
+                recording = opened(view=View(self._config.region, factor))
                 text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError:

@@ -48,6 +48,13 @@ class ChoosePolicy:
 
 
 @dataclass(frozen=True, slots=True)
+class KnowAs:
+    """What is open of the recording on show is known by another id than before: a part of it, or all at last."""
+
+    recording_id: str
+
+
+@dataclass(frozen=True, slots=True)
 class Settle:
     """The recording is open: take `policy` where none was chosen, and bring everything within its limits."""
 
@@ -198,6 +205,7 @@ Intent = (
     | ChooseModel
     | ChoosePrecision
     | ChoosePolicy
+    | KnowAs
     | Settle
     | Seek
     | SeekTime

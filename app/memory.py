@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 
 from app import compare_view, inside_view
 from app import intents as ask
+from app.part_ids import whole_id
 from app.view_state import SITE_PATTERN, ViewState, choices
 from etnet.errors import EtnetError
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
@@ -23,6 +24,7 @@ def to_text(state: ViewState) -> str:
     kept = {name: value for name, value in asdict(state).items() if name not in _NOT_KEPT}
     if state.policy is not None:
         kept["policy"] = {"kind": type(state.policy).__name__, **asdict(state.policy)}
+    kept["recording_id"] = whole_id(state.recording_id)  # a part is on show for a minute, a link stays
     kept["inside"] = inside_view.kept(state.inside)
     kept["compare"] = compare_view.kept(state.compare)
     return json.dumps(kept)

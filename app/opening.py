@@ -8,6 +8,7 @@ from functools import partial
 
 from app.catalogue import Catalogue, suited_policy
 from app.crew import CREW
+from app.part_ids import known_as
 from app.view_state import Limits
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
@@ -30,6 +31,22 @@ class Opened:
     policy: Policy
     recording: Recording
     windows: Sequence[Window]
+
+    @property
+    def recording_id(self) -> str:
+        """By which it is known: that of a part, if only a part of the file is there."""
+        return known_as(self.plan.recording_id, self.recording)
+
+    @property
+    def share(self) -> float | None:
+        """How much of the file is indexed by now, to the per cent; `None` where it is all there."""
+        growth = self.recording.growth
+        return None if growth is None else round(growth.share, 2)
+
+    @property
+    def is_outgrown(self) -> bool:
+        """Whether the whole file can be opened, of which this is a part."""
+        return self.recording.growth is not None and self.recording.growth.is_over
 
     @property
     def limits(self) -> Limits:

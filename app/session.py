@@ -27,6 +27,7 @@ from app.link import to_link
 from app.looking.lanes import lane_questions, scored, slot_of
 from app.opening import Opened, Opener, Opening, Plan, Unopened
 from app.panels.base import Choice, Page
+from app.part_ids import whole_id
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
@@ -176,7 +177,7 @@ class Session:
                 self._is_dirty |= self._comparing.take(item)
                 return
             case Opening(plan, share):
-                if plan.recording_id == self._state.recording_id and self._moment() is None:
+                if plan.recording_id == self._plan.recording_id and self._moment() is None:
                     self._trouble = f"It is being opened: {share:.0%}."
             case Opened() | Unopened():
                 self._settle(item)
@@ -236,15 +237,18 @@ class Session:
 
     def _settle(self, item: Opened | Unopened) -> None:
         self._opener.heard(item.plan)
-        if item.plan != Plan(self._state.recording_id, self._state.policy):
+        if item.plan != self._plan:
             return
         if isinstance(item, Opened):
             self._opened, self._refused, self._trouble = item, None, ""
+            self._reduce(ask.KnowAs(item.recording_id))
             self._reduce(ask.Settle(item.policy))
             return
         self._notify("Cannot be shown", item.message)
         held = self._opened
         if held is not None and held.plan.recording_id == item.plan.recording_id:
+            if held.policy == item.plan.policy:
+                self._refused = item.plan  # a part that could not become whole stays what it is
             self._reduce(ask.ChoosePolicy(held.policy))  # the windows that worked
         else:
             self._opened, self._refused, self._trouble = None, item.plan, item.message
@@ -252,14 +256,18 @@ class Session:
     @property
     def _limits(self) -> Limits:
         held = self._opened
-        return held.limits if held is not None and held.plan.recording_id == self._state.recording_id else Limits()
+        return held.limits if held is not None and held.recording_id == self._state.recording_id else Limits()
+
+    @property
+    def _plan(self) -> Plan:
+        return Plan(whole_id(self._state.recording_id), self._state.policy)
 
     def _advance(self) -> None:
         if not self._is_known:
             return
-        plan = Plan(self._state.recording_id, self._state.policy)
-        if self._moment() is None and plan != self._refused:
-            self._opener.want(plan)
+        is_outgrown = self._opened is not None and self._opened.is_outgrown
+        if (self._moment() is None or is_outgrown) and self._plan != self._refused:
+            self._opener.want(self._plan)
         self._lead()
         due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
         if due is not None:
@@ -282,7 +290,7 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
-        offer = self._catalogue.entries(), self._catalogue.growing()
+        offer = self._catalogue.entries(), self._catalogue.growing(), self._opened and self._opened.share
         self._is_dirty |= offer != self._offer
         self._offer = offer
         if self._answers.wish is not None and time.monotonic() - self._glanced_at > GLANCE:
@@ -304,7 +312,7 @@ class Session:
 
     def _moment(self) -> Moment | None:
         held, state = self._opened, self._state
-        if held is None or held.plan.recording_id != state.recording_id or held.policy != state.policy:
+        if held is None or held.recording_id != state.recording_id or held.policy != state.policy:
             return None
         return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
 
@@ -354,7 +362,7 @@ class Session:
             ModelFacts(model.title, model.trained_band, model.card),
             self._engine.status(answers.wish).step_milliseconds if answers.wish else None,
             self._is_moving() or self._state.is_playing,
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
+            self._showing.recordings(self._state.recording_id),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
             self._trouble,
             self._catalogue.growing(),

@@ -16,6 +16,8 @@ from app.layout import close_modal, show_help
 from app.link import LinkError, from_link
 from app.looking.cutting import SLOT as CUT
 from app.looking.taking import SLOT, Made
+from app.panels.base import Choice
+from app.part_ids import whole_id
 from app.show_view import LeaveIt, PointAt
 from app.source_view import LeaveCut
 from app.studying import Found
@@ -86,6 +88,13 @@ class Showing:
         if refused:
             self._refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
         return recalled
+
+    def recordings(self, shown: str) -> tuple[Choice, ...]:
+        """What can be chosen; the one on show by the id of what of it is open."""
+        entries = self._catalogue.entries()
+        return tuple(
+            Choice(shown if whole_id(shown) == entry.id else entry.id, entry.title, entry.subtitle) for entry in entries
+        )
 
     def hand_over(self, found: Found) -> tuple[ask.Intent, ...]:
         """Let the browser save a file that is made; the order for it is done then."""

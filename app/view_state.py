@@ -167,6 +167,11 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
             shown = limits.windows[limits.clamp_index(state.index)] if limits.windows else None
             moment = shown.t_stop if shown else state.moment
             return replace(state, policy=policy, moment=moment, is_playing=False, inside=state.inside.anew())
+        case ask.KnowAs(recording_id):
+            excerpt = state.source.excerpt
+            if excerpt.recording_id == state.recording_id:
+                excerpt = replace(excerpt, recording_id=recording_id)  # a part's events have the whole's numbers
+            return replace(state, recording_id=recording_id, source=replace(state.source, excerpt=excerpt))
         case ask.Settle(policy):
             index = state.index if state.moment is None else limits.index_at(state.moment)
             if state.policy is None and index == 0:

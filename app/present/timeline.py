@@ -8,7 +8,7 @@ from typing import Protocol
 
 from app.present.html import escape, panel
 from app.present.moment import ARRAYS, Moment
-from app.present.words import count, rate, seconds
+from app.present.words import count, of_whole, rate, seconds
 from etnet.render.timeline import RateCurve, area_path, frame_ticks, rate_curve, second_ticks
 
 _WIDTH, _HEIGHT = 1000, 44
@@ -75,11 +75,20 @@ def now_html(moment: Moment) -> str:
     speed = rate(window.num_events / max(window.t_stop - window.t_start, 1) * 1e6)
     line = (
         f'<div class="et-now"><b data-testid="time">{seconds(stop)}</b>'
-        f'<span data-testid="window">window {count(moment.index)} of {count(num)}{partial}</span>'
+        f'<span data-testid="window">window {count(moment.index)} of {count(num)}{partial}{_so_far(moment)}</span>'
         f"<span>{seconds(start)} – {seconds(stop)}</span>"
         f"<span>{count(window.num_events)} events</span><span>{speed}</span></div>"
     )
     return panel("now", line)
+
+
+def _so_far(moment: Moment) -> str:
+    """That only a part of the file is on show, and how far its index is."""
+    growth = moment.recording.growth
+    if growth is None:
+        return ""
+    indexed = f"{of_whole(growth.share)} of the file indexed, the rest follows by itself"
+    return f'<span class="et-warning" data-testid="so-far"> · only its beginning so far: {indexed}</span>'
 
 
 def _background(moment: Moment, curve: RateCurve, num: int) -> str:

@@ -80,6 +80,7 @@ def open_recording(
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
+        growth=opened.growth,
     )
 
 

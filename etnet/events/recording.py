@@ -81,6 +81,16 @@ class Inertial:
         return len(self.stamps)
 
 
+@dataclass(slots=True)
+class Growth:
+    """How far a file has been gone through of which a recording has only the first part. It grows in the background."""
+
+    share: float = 0.0
+    """Of the file, 0 … 1, by now."""
+    is_over: bool = False
+    """Nothing more will come: the file, opened again, is whole (or says what is wrong with it)."""
+
+
 @runtime_checkable
 class EventSource(Protocol):
     """Where a recording's events lie. `read` is a slice by index, safe from two threads, ordered in time."""
@@ -143,6 +153,8 @@ class Recording:
     ground_truth: GroundTruth | None = None
     path: Path | None = None
     inertial: Inertial | None = None
+    growth: Growth | None = None
+    """Set where these are not yet all events of the file."""
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)

@@ -10,6 +10,7 @@ import pytest
 
 from etnet.errors import RecordingError
 from etnet.events import cache
+from etnet.events.formats.columns import BLOCK
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events
 from tests.real_data import real_file
@@ -98,6 +99,25 @@ def test_time_that_runs_back_is_refused_naming_the_event_and_sorted_on_demand(su
         np.testing.assert_array_equal(found.t, t[order])
         np.testing.assert_array_equal(found.x, events.x[order])
         assert "repaired: time ran back 1 times, first at event 50" in said(recording)
+
+
+@pytest.mark.parametrize("place", [BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK])
+def test_a_step_back_is_found_where_two_looks_meet(place, tmp_path):
+    num_events = 2 * BLOCK + 5
+    events, t = make_events(num_events), np.arange(num_events)
+    t[place] -= 2
+    path = save(tmp_path / "a.npz", **columns_of(events) | {"t": t})
+    with open_recording(path) as recording, pytest.raises(RecordingError, match=f"event {place} .*--sort"):
+        all_events(recording)
+
+
+def test_a_stamp_that_is_no_time_is_named_wherever_it_stands(tmp_path):
+    num_events = 2 * BLOCK
+    events, t = make_events(num_events), np.arange(num_events) / 1e6
+    t[BLOCK + 7] = np.nan
+    path = save(tmp_path / "a.npz", **columns_of(events) | {"t": t})
+    with open_recording(path) as recording, pytest.raises(RecordingError, match=f"stamp of event {BLOCK + 7} is nan"):
+        all_events(recording)
 
 
 def test_small_steps_back_of_a_decoded_format_are_sorted_and_said(tmp_path):

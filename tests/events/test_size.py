@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etnet.events import index_store
-from etnet.events.formats import indexed_raw, paged, prophesee
+from etnet.events.formats import indexed_raw, paged, prophesee, raw_index
 from etnet.events.formats.evt_words import EVT, Notes, State
 from etnet.events.index_store import index_folder, index_path, load_index, save_index
 from etnet.events.open import open_recording
@@ -38,7 +38,7 @@ def small_is_large(tmp_path, monkeypatch):
     """Files of a few kilobytes are indexed, in blocks of a few hundred bytes."""
     monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0)
-    monkeypatch.setattr(indexed_raw, "BLOCK_BYTES", 1 << 13)
+    monkeypatch.setattr(raw_index, "BLOCK_BYTES", 1 << 13)
     monkeypatch.setattr(indexed_raw, "HELD_BYTES", 1 << 18)
     monkeypatch.setattr(paged, "LONG", 0)
 
@@ -218,6 +218,54 @@ def test_without_patience_a_part_is_shown_and_the_whole_the_next_time(raw):
     with open_recording(path, patience=0.0) as recording:
         assert_same_events(all_events(recording), events)
         assert not any("only the first" in remark.text for remark in recording.remarks)
+
+
+@pytest.fixture
+def gate(monkeypatch):
+    """Indices go on in the background once this is set."""
+    opened, version = threading.Event(), EVT["3.0"]
+
+    def skim(*of_it):
+        if threading.current_thread().name.startswith("index"):
+            assert opened.wait(20)
+        return version.skim(*of_it)
+
+    monkeypatch.setitem(EVT, "3.0", replace(version, skim=skim))
+    return opened
+
+
+def test_who_opens_a_file_whose_index_grows_gets_what_is_there_at_once(raw, gate):
+    path, events = raw
+    with open_recording(path, patience=0.0) as first:
+        with open_recording(path, patience=60.0) as second:
+            assert second.growth is first.growth
+            assert_same_events(all_events(second), all_events(first))
+        assert 0 < first.growth.share < 1
+        gate.set()
+        wait_for(lambda: first.growth.is_over)
+        assert first.growth.share == 1
+        assert_same_events(all_events(first), events[: first.num_events])
+    with open_recording(path, patience=0.0) as whole:
+        assert whole.growth is None
+        assert_same_events(all_events(whole), events)
+
+
+def test_a_part_becomes_whole_though_its_index_cannot_be_kept(raw, tmp_path):
+    (tmp_path / "cache").write_text("a file where the folder would be")
+    path, events = raw
+    with open_recording(path, patience=0.0) as part:
+        wait_for(lambda: part.growth.is_over)
+    with open_recording(path, patience=0.0) as whole:
+        assert_same_events(all_events(whole), events)
+
+
+def test_an_index_that_breaks_off_is_over_and_the_part_stays_readable(raw, gate, monkeypatch):
+    path, _ = raw
+    with open_recording(path, patience=0.0) as part:
+        monkeypatch.setattr(raw_index, "save_index", lambda *_: (_ for _ in ()).throw(OSError("the disk is gone")))
+        gate.set()
+        wait_for(lambda: part.growth.is_over)
+        assert len(all_events(part)) == part.num_events
 
 
 @pytest.mark.parametrize("layout", ["event_utils", "dsec"])

@@ -11,7 +11,7 @@ from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Sensor
-from etnet.events.recording import EventSource, GroundTruth, Inertial, Remark, Span
+from etnet.events.recording import EventSource, GroundTruth, Growth, Inertial, Remark, Span
 
 HEAD_BYTES = 4096
 
@@ -51,6 +51,7 @@ class Opened:
     remarks: tuple[Remark, ...] = ()
     ground_truth: GroundTruth | None = None
     inertial: Inertial | None = None
+    growth: Growth | None = None
 
 
 @dataclass(frozen=True)

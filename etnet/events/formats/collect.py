@@ -13,8 +13,14 @@ from etnet.errors import RecordingError
 from etnet.events.cache import Columns, ColumnSource, EventCache
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
-from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, pixel_column, signed_polarity
-from etnet.events.recording import EventSource, Span
+from etnet.events.formats.columns import (
+    LARGEST_STAMP,
+    deduced_sensor,
+    is_ordered,
+    pixel_column,
+    signed_polarity,
+)
+from etnet.events.recording import EventSource, Growth, Span
 
 FEW = 0.01
 """The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
@@ -41,6 +47,7 @@ class Collected:
     source: EventSource
     sensor: Sensor
     span: Span
+    growth: Growth | None = None
 
 
 @dataclass
@@ -52,11 +59,11 @@ class _Order:
     first_back: int = 0
     farthest: int = 0
 
-    def look(self, t: Int64[np.ndarray, " n"], index: int) -> None:
-        """Take in a piece whose first event is number `index`."""
+    def look(self, t: Int64[np.ndarray, " n"], index: int, ordered: bool) -> None:
+        """Take in a piece whose first event is number `index`; `ordered` if it never steps back within itself."""
         before = int(t[0]) if self.last is None else self.last
         self.last = int(t[-1])
-        if t[0] >= before and not bool((t[1:] < t[:-1]).any()):
+        if ordered and t[0] >= before:
             return
         steps = np.diff(t, prepend=before)
         if self.num_back == 0:
@@ -99,10 +106,10 @@ def collect(request: Request, pieces: Iterable[Decoded], declared: Sensor | None
     for whole in pieces:
         for piece in _parts(whole, cache.capacity):
             columns = cache.room(len(piece.t))
-            _fill(columns, piece, request, cache.num_events)
+            ordered = _fill(columns, piece, request, cache.num_events)
             kept = stray.weed(columns, sensor, cache.num_events)
             if kept:
-                order.look(columns.t[:kept], cache.num_events)
+                order.look(columns.t[:kept], cache.num_events, ordered)
             cache.keep(kept)
         request.progress(min(whole.fraction, 0.99))
     if sensor is None:
@@ -134,15 +141,18 @@ def _parts(piece: Decoded, capacity: int) -> Iterator[Decoded]:
         yield Decoded(x[part], y[part], t[part], p[part], fraction)
 
 
-def _fill(columns: Columns, piece: Decoded, request: Request, index: int) -> None:
+def _fill(columns: Columns, piece: Decoded, request: Request, index: int) -> bool:
+    """Put a piece where it stays; whether its stamps are in order."""
     columns.x[:] = pixel_column(piece.x, "x", request.name)
     columns.y[:] = pixel_column(piece.y, "y", request.name)
-    columns.p[:] = signed_polarity(piece.p, request.assume, request.name)
+    signed_polarity(piece.p, request.assume, request.name, columns.p)
     # A stamp of 64 bits without a sign that does not fit becomes negative here, and is told by it.
     columns.t[:] = piece.t.view(np.int64) if piece.t.dtype == np.uint64 else piece.t
-    low, high = int(columns.t.min()), int(columns.t.max())
+    ordered = is_ordered(columns.t)
+    low, high = (columns.t[0], columns.t[-1]) if ordered else (columns.t.min(), columns.t.max())
     if low <= -LARGEST_STAMP or high >= LARGEST_STAMP or (low < 0 and piece.t.dtype.kind == "u"):
         raise RecordingError(f"{request.name}: stamps after event {index} are no time; the file is damaged there")
+    return ordered
 
 
 def _judge_outside(stray: _Stray, num_kept: int, sensor: Sensor, request: Request, remarks: Remarks) -> None:

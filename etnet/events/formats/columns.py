@@ -14,6 +14,8 @@ _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 LARGEST_STAMP = 2**62
 """µs; beyond it something is no time."""
 
+BLOCK = 1 << 15
+"""Events of a long column turned into µs or looked at in one go: read again while they are in the processor's cache."""
 
 KNOWN_SENSORS = (
     (34, 34, "N-MNIST's crop"),
@@ -31,26 +33,51 @@ LARGEST_DEDUCED_SIDE = 4096
 """Events that reach farther than any sensor built so far mean that the file is read wrongly."""
 
 
-def stamps_in_microseconds(values: Shaped[np.ndarray, " n"], unit: TimeUnit, name: str) -> Int64[np.ndarray, " n"]:
-    """Stamps of any number type as µs, rounded half to even."""
+def stamps_in_microseconds(
+    values: Shaped[np.ndarray, " n"], unit: TimeUnit, name: str, offset: int = 0
+) -> Int64[np.ndarray, " n"]:
+    """Stamps of any number type as µs, rounded half to even, plus `offset` (µs); the same array where it is that."""
     if values.dtype.kind == "f":
-        scaled = values.astype(np.float64) * (10**6 / _PER_SECOND[unit])
+        stamps = _rounded(values, unit, name)
+    elif values.dtype.kind not in "iu":
+        raise RecordingError(f"{name}: its stamps are of type {values.dtype}; numbers are wanted")
+    else:
+        limit = LARGEST_STAMP // max(1, 10**6 // _PER_SECOND[unit])
+        if values.dtype.itemsize > 4 and len(values) and (int(values.max()) >= limit or int(values.min()) <= -limit):
+            raise RecordingError(f"{name}: stamps up to {values.max()} {unit} do not fit 64 bits of µs; mend the file")
+        if unit == "us":
+            is_it = values.dtype == np.int64 and offset == 0
+            return values if is_it else np.add(values, offset, dtype=np.int64)
+        whole = values.astype(np.int64)
+        stamps = from_nanoseconds(whole) if unit == "ns" else whole * (10**6 // _PER_SECOND[unit])
+    if offset:
+        stamps += offset
+    return stamps
+
+
+def _rounded(values: Shaped[np.ndarray, " n"], unit: TimeUnit, name: str) -> Int64[np.ndarray, " n"]:
+    stamps = np.empty(len(values), np.int64)
+    scratch = np.empty(min(len(values), BLOCK), np.float64)
+    for start in range(0, len(values), BLOCK):
+        part = values[start : start + BLOCK]
+        scaled = np.multiply(part, 10**6 / _PER_SECOND[unit], out=scratch[: len(part)], dtype=np.float64)
         # A comparison with NaN is false, so it is caught here too.
-        if len(scaled) and not (scaled.max() < LARGEST_STAMP and scaled.min() > -LARGEST_STAMP):
-            first = int(np.argmin(np.abs(scaled) < LARGEST_STAMP))
+        if not (scaled.max() < LARGEST_STAMP and scaled.min() > -LARGEST_STAMP):
+            first = start + int(np.argmin(np.abs(scaled) < LARGEST_STAMP))
             raise RecordingError(
                 f"{name}: the stamp of event {first} is {values[first]} {unit}, which is no time; mend it"
             )
-        return np.rint(scaled, out=scaled).astype(np.int64)
-    if values.dtype.kind not in "iu":
-        raise RecordingError(f"{name}: its stamps are of type {values.dtype}; numbers are wanted")
-    limit = LARGEST_STAMP // max(1, 10**6 // _PER_SECOND[unit])
-    if values.dtype.itemsize > 4 and len(values) and (int(values.max()) >= limit or int(values.min()) <= -limit):
-        raise RecordingError(f"{name}: stamps up to {values.max()} {unit} do not fit 64 bits of µs; mend the file")
-    stamps = values.astype(np.int64)
-    if unit == "ns":
-        return from_nanoseconds(stamps)
-    return stamps if unit == "us" else stamps * (10**6 // _PER_SECOND[unit])
+        stamps[start : start + len(part)] = np.rint(scaled, out=scaled)
+    return stamps
+
+
+def is_ordered(t: Int64[np.ndarray, " n"]) -> bool:
+    """Whether no stamp is smaller than the one before it."""
+    for start in range(0, len(t) - 1, BLOCK):
+        part = t[start : start + BLOCK + 1]
+        if bool((part[1:] < part[:-1]).any()):
+            return False
+    return True
 
 
 def from_nanoseconds(t: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " n"]:
@@ -74,17 +101,19 @@ def guessed_unit(sample: Shaped[np.ndarray, " n"], assume: Assumptions, remarks:
     return unit
 
 
-def signed_polarity(values: Shaped[np.ndarray, " n"], assume: Assumptions, name: str) -> Int8[np.ndarray, " n"]:
-    """0/1, bool and −1/+1 as ±1; other codings are an error unless `assume` allows them."""
+def signed_polarity(
+    values: Shaped[np.ndarray, " n"], assume: Assumptions, name: str, out: Int8[np.ndarray, " n"] | None = None
+) -> Int8[np.ndarray, " n"]:
+    """0/1, bool and −1/+1 as ±1, in `out` if given; other codings are an error unless `assume` allows them."""
+    signs = np.empty(len(values), np.int8) if out is None else out
     if values.dtype.kind == "b":
-        is_on = values
+        signs.view(np.bool_)[:] = values
     elif values.dtype.kind not in "iuf":
         raise RecordingError(f"{name}: its polarity column is of type {values.dtype}; numbers or booleans are wanted")
     else:
-        is_on = values > 0
+        np.greater(values, 0, out=signs.view(np.bool_))
         if assume.polarity != "positive" and len(values):
             _check_coding(values, name)
-    signs = is_on.astype(np.int8)
     signs *= -2 if assume.polarity == "inverted" else 2
     signs += 1 if assume.polarity == "inverted" else -1
     return signs
@@ -112,7 +141,7 @@ def pixel_column(values: Shaped[np.ndarray, " n"], axis: str, name: str) -> UInt
     if len(values) == 0:
         return np.empty(0, np.uint16)
     if values.dtype.kind != "f" and int(values.min()) >= 0 and int(values.max()) < 65_536:
-        return values.astype(np.uint16)
+        return values.view(np.uint16) if values.dtype == np.int16 else values.astype(np.uint16)
     fine = (values >= 0) & (values < 65_536) & (values == np.floor(values))
     if not fine.all():
         first = int(np.argmin(fine))

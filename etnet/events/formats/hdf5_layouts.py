@@ -81,9 +81,7 @@ def _open_dsec(request: Request, file) -> Opened:
     unit = "us" if is_dsec and request.assume.time_unit is None else guessed_unit(t[:4096], request.assume, remarks)
 
     def stamps(start: int, stop: int) -> np.ndarray:
-        values = stamps_in_microseconds(t[start:stop], unit, request.name)
-        values += offset
-        return values
+        return stamps_in_microseconds(t[start:stop], unit, request.name, offset)
 
     def read(start: int, stop: int) -> Decoded:
         return Decoded(x[start:stop], y[start:stop], stamps(start, stop), p[start:stop])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from threading import Lock, Thread
+from threading import Lock
 from typing import BinaryIO
 
 import numpy as np
@@ -18,68 +16,18 @@ from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, signed_polarity
-from etnet.events.formats.evt_words import EVT, Notes, State, Version
+from etnet.events.formats.evt_words import EVT, Notes, State
 from etnet.events.formats.paged import check_slice
 from etnet.events.formats.prophesee import Header
-from etnet.events.index_store import Arrays, index_path, load_index, save_index
+from etnet.events.formats.raw_index import Blocks, index_of
+from etnet.events.index_store import Arrays
 from etnet.events.recording import EventSource, Span
-
-BLOCK_BYTES = 1 << 19
-"""Of the file, between two states that the index keeps."""
 
 HELD_BYTES = 96 << 20
 """Decoded events that stay in memory."""
 
 _BYTES_PER_EVENT = 13
 _SOME_BLOCKS = 32
-_building: set[Path] = set()
-_building_lock = Lock()
-
-
-@dataclass
-class _Growing:
-    """The index as far as it goes: the state before each block, the events before it, the last stamp in it."""
-
-    states: list[State] = field(default_factory=lambda: [State()])
-    before: list[int] = field(default_factory=lambda: [0])
-    until: list[int] = field(default_factory=list)
-    notes: Notes = field(default_factory=Notes)
-
-    def arrays(self) -> Arrays:
-        """As they are kept."""
-        notes = [self.notes.num_untimed, self.notes.num_held, self.notes.farthest_back]
-        named = {"states": self.states, "before": self.before, "until": self.until, "notes": notes}
-        return {name: np.array(values, np.int64) for name, values in named.items()}
-
-
-@dataclass(frozen=True)
-class _Blocks:
-    """The words of a file by block."""
-
-    path: Path
-    version: Version
-    offset: int
-    num_bytes: int
-
-    @property
-    def num_blocks(self) -> int:
-        return -(-self.num_bytes // BLOCK_BYTES)
-
-    def words(self, file: BinaryIO, block: int) -> np.ndarray:
-        file.seek(self.offset + block * BLOCK_BYTES)
-        content = file.read(min(BLOCK_BYTES, self.num_bytes - block * BLOCK_BYTES))
-        whole = len(content) // self.version.word.itemsize * self.version.word.itemsize
-        return np.frombuffer(content[:whole], self.version.word)
-
-    def index(self, growing: _Growing) -> Iterator[float]:
-        """Go on with the index; gives the fraction done after every block."""
-        with self.path.open("rb") as file:
-            for block in range(len(growing.until), self.num_blocks):
-                num_events, state = self.version.skim(self.words(file, block), growing.states[-1], growing.notes)
-                growing.before.append(growing.before[-1] + num_events)
-                growing.until.append(state.last)
-                growing.states.append(state)
-                yield (block + 1) / self.num_blocks
 
 
 @dataclass(frozen=True)
@@ -87,7 +35,7 @@ class IndexedSource:
     """Events of the blocks that the index knows; the last few decoded blocks are kept."""
 
     request: Request
-    blocks: _Blocks
+    blocks: Blocks
     file: BinaryIO
     index: Arrays
     t0: int
@@ -142,7 +90,7 @@ class IndexedSource:
 def open_indexed(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
     """The events by slice; the index from the cache folder, else made now as far as the request's patience goes."""
     blocks, t0 = _blocks(request, header, remarks)
-    index = _index(request, blocks, header.version or "", remarks)
+    index, growth = index_of(request, blocks, header.version or "", remarks)
     if index["before"][-1] == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(index["notes"], remarks)
@@ -152,7 +100,7 @@ def open_indexed(request: Request, header: Header, declared: Sensor | None, rema
     if sensor is None:
         sensor = _probed_sensor(source, request, remarks)
         source = replace(source, sensor=sensor)
-    return Collected(source, sensor, _span(source))
+    return Collected(source, sensor, _span(source), growth)
 
 
 def decode_all(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
@@ -174,7 +122,7 @@ def decode_all(request: Request, header: Header, declared: Sensor | None, remark
     return collected
 
 
-def _blocks(request: Request, header: Header, remarks: Remarks) -> tuple[_Blocks, int]:
+def _blocks(request: Request, header: Header, remarks: Remarks) -> tuple[Blocks, int]:
     """The words after the header, and the stamp from which they count."""
     version = EVT[header.version or ""]
     size = request.path.stat().st_size - header.num_bytes
@@ -185,67 +133,12 @@ def _blocks(request: Request, header: Header, remarks: Remarks) -> tuple[_Blocks
     t0 = header.fields.get("t0", "0")
     if not t0.isascii() or not t0.isdigit() or int(t0) >= LARGEST_STAMP:
         raise RecordingError(f'{request.name}: its header\'s t0 is "{t0[:40]}"; wanted a stamp in µs')
-    return _Blocks(request.path, version, header.num_bytes, size - rest), int(t0)
+    return Blocks(request.path, version, header.num_bytes, size - rest), int(t0)
 
 
 def _span(source: EventSource) -> Span:
     last = source.num_events - 1
     return Span(int(source.read(0, 1).t[0]), int(source.read(last, last + 1).t[0]))
-
-
-def _index(request: Request, blocks: _Blocks, version: str, remarks: Remarks) -> Arrays:
-    """From the cache folder, else built now; what patience does not reach goes on in the background."""
-    path = index_path(request.path, f"EVT {version} by {BLOCK_BYTES}")
-    kept = load_index(path)
-    if kept is not None and _fits(kept, blocks.num_blocks):
-        return kept
-    growing, began = _Growing(), time.monotonic()
-    builder = blocks.index(growing)
-    for fraction in builder:
-        request.progress(min(fraction, 0.99))
-        is_enough = request.patience is not None and time.monotonic() - began > request.patience
-        if is_enough and fraction < 1 and growing.before[-1] > 0:
-            shown = growing.arrays()
-            remarks.detected(
-                f"only the first {growing.before[-1]:,} events ({fraction:.0%} of the file) are shown: its time index "
-                "is being made in the background; open it again in a moment for all of it"
-            )
-            _go_on(builder, growing, path)
-            return shown
-    save_index(path, growing.arrays())
-    return growing.arrays()
-
-
-def _go_on(builder: Iterator[float], growing: _Growing, path: Path) -> None:
-    """Finish the index in a thread, unless one is at it already."""
-    with _building_lock:
-        if path in _building:
-            return
-        _building.add(path)
-
-    def finish() -> None:
-        try:
-            for _ in builder:
-                time.sleep(0)
-            save_index(path, growing.arrays())
-        except OSError:
-            # The file went away; whoever opens it again is told.
-            return
-        finally:
-            with _building_lock:
-                _building.discard(path)
-
-    Thread(target=finish, name=f"index {path.name}", daemon=True).start()
-
-
-def _fits(kept: Arrays, num_blocks: int) -> bool:
-    wanted = {
-        "states": (num_blocks + 1, len(State._fields)),
-        "before": (num_blocks + 1,),
-        "until": (num_blocks,),
-        "notes": (3,),
-    }
-    return all(name in kept and kept[name].shape == shape for name, shape in wanted.items())
 
 
 def _say(notes: Int64[np.ndarray, " 3"], remarks: Remarks) -> None:

@@ -10,9 +10,11 @@ from etnet.errors import RecordingError
 from etnet.events.formats.base import Request, contained
 from etnet.events.formats.collect import Decoded
 
-_ENOUGH = 1 << 17
-_LARGE = 1 << 13
-"""A packet of so many events is worth a call of its own, and is not copied to join others."""
+_ENOUGH = 1 << 13
+"""Events that are worth the calls of handing them on; a packet that has them is not copied to join others."""
+
+_MOST = 1 << 15
+"""Events joined at most, unless one packet has more: what was just decoded is still in the processor's cache."""
 
 
 class Packets:
@@ -33,41 +35,35 @@ class Packets:
         self.break_off: str | None = None
 
     def pieces(self) -> Iterator[Decoded]:
-        """The events, joined. A piece is overwritten by the next one: fresh memory costs more than the copy."""
-        x, y, t, p = (np.empty(2 * _ENOUGH, dtype) for dtype in ("<u2", "<u2", "<u8", "?"))
-        held = Decoded(x, y, t, p)
-        num_held = 0
-        while (packet := self._next()) is not None:
-            if num_held == 0 and _LARGE <= len(packet) <= _ENOUGH:
-                fraction = self.num_events * self._bytes_per_event / self._size
-                yield Decoded(packet["x"], packet["y"], packet["t"], packet["on"], fraction)
-                continue
-            for start in range(0, len(packet), _ENOUGH):
-                part = packet[start : start + _ENOUGH]
-                span = slice(num_held, num_held + len(part))
-                held.x[span], held.y[span], held.t[span], held.p[span] = part["x"], part["y"], part["t"], part["on"]
-                num_held = span.stop
-                if num_held >= _ENOUGH:
-                    yield self._front(held, num_held)
-                    num_held = 0
-        if num_held:
-            yield self._front(held, num_held)
+        """The events, small packets joined."""
+        while self.break_off is None and (packets := self._some()):
+            fraction = self.num_events * self._bytes_per_event / self._size
+            x, y, t, on = (_joined([packet[name] for packet in packets]) for name in ("x", "y", "t", "on"))
+            yield Decoded(x, y, t, on, fraction)
 
-    def _next(self) -> np.ndarray | None:
+    def _some(self) -> list[np.ndarray]:
+        """Packets enough for a piece, none at the end. They share a guard, which costs as much as a short packet."""
+        packets: list[np.ndarray] = []
+        count = 0
         try:
             with contained(self._request.name, f"{self._what} after event {self.num_events}"):
-                packet = self._next_packet()
+                while not packets or (len(packets[0]) < _ENOUGH and count < _MOST):
+                    packet = self._next_packet()
+                    if packet is None:
+                        break
+                    if len(packet):
+                        packets.append(packet)
+                        count += len(packet)
         except RecordingError as slip:
-            if self.num_events == 0:
+            if self.num_events + count == 0:
                 raise
             self.break_off = (
-                f"the file breaks off after event {self.num_events} ({slip.__cause__}); what comes before is kept"
+                f"the file breaks off after event {self.num_events + count} ({slip.__cause__}); "
+                "what comes before is kept"
             )
-            return None
-        if packet is not None:
-            self.num_events += len(packet)
-        return packet
+        self.num_events += count
+        return packets
 
-    def _front(self, held: Decoded, count: int) -> Decoded:
-        fraction = self.num_events * self._bytes_per_event / self._size
-        return Decoded(held.x[:count], held.y[:count], held.t[:count], held.p[:count], fraction)
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

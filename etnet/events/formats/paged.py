@@ -12,7 +12,7 @@ from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
-from etnet.events.formats.columns import deduced_sensor, pixel_column, signed_polarity
+from etnet.events.formats.columns import deduced_sensor, is_ordered, pixel_column, signed_polarity
 from etnet.events.formats.stamp_index import StampIndex
 from etnet.events.recording import Span
 
@@ -149,9 +149,8 @@ def check_slice(events: Events, start: int, name: str) -> None:
             f"{name}: event {start + i} is at ({events.x[i]}, {events.y[i]}), beyond {events.sensor}; "
             "state the size with --assume width=…,height=… or open it with --drop-outside"
         )
-    is_back = events.t[1:] < events.t[:-1]
-    if bool(is_back.any()):
-        i = int(np.argmax(is_back)) + 1
+    if not is_ordered(events.t):
+        i = int(np.argmax(events.t[1:] < events.t[:-1])) + 1
         raise RecordingError(
             f"{name}: time runs back at event {start + i} ({events.t[i - 1]} > {events.t[i]} µs); open it with --sort"
         )

@@ -125,7 +125,8 @@ def _open(request: Request) -> Opened:
         collected = through_faery(request, kind, declared, _ROUGH_BYTES[version], remarks)
     if "camera" not in header.fields and "plugin_name" in header.fields:
         remarks.detected(f"camera {header.fields['plugin_name']}")
-    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+    told = tuple(remarks.kept)
+    return Opened(kind, collected.source, collected.sensor, collected.span, told, growth=collected.growth)
 
 
 def through_faery(

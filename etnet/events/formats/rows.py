@@ -7,11 +7,11 @@ line through `decimal`, which is slow and forgives more. Both give the same numb
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Int64, Integer
 
 from etnet.errors import RecordingError
 from etnet.events.formats.columns import from_nanoseconds
@@ -37,10 +37,10 @@ class Columns:
 class Rows:
     """The four columns as numbers: t in µs, p as it stands in the file; and how many lines they took."""
 
-    x: Int64[np.ndarray, " n"]
-    y: Int64[np.ndarray, " n"]
+    x: Integer[np.ndarray, " n"]
+    y: Integer[np.ndarray, " n"]
     t: Int64[np.ndarray, " n"]
-    p: Int64[np.ndarray, " n"]
+    p: Integer[np.ndarray, " n"]
     num_lines: int
 
 
@@ -52,11 +52,11 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
         block = block.translate(_TO_SPACES)
     if b"\r" in block:
         block = block.replace(b"\r\n", b"\n")
-    if b"-" in block and columns.p == columns.count - 1:
-        signed = block.replace(b" -1\n", b" 2\n")
-        rows = _regular(signed, columns)
+    if b"-" in block and columns.p == columns.count - 1 and b" 2\n" not in block:
+        rows = _regular(block.replace(b" -1\n", b" 2\n"), columns)
         if rows is not None:
-            rows.p[rows.p == 2] = -1
+            p = rows.p.astype(np.int64)
+            rows = replace(rows, p=np.where(p == 2, -1, p))
     else:
         rows = _regular(block, columns)
     return rows if rows is not None else _one_by_one(block, columns, name, first_line)
@@ -65,62 +65,52 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
 def _regular(block: bytes, columns: Columns) -> Rows | None:
     """The fast way; None when the block is not regular enough for it."""
     text = Padded.of(block)
-    octets = text.octets[MARGIN:-MARGIN]
-    if int(octets.max()) > ord("9"):
+    if int(text.octets.max()) > ord("9"):
         return None
     has_point = b"." in block[: block.index(b"\n")]
-    marks = np.flatnonzero(octets < ord("0"))
-    marks += MARGIN
+    marks = np.flatnonzero(text.octets < ord("0"))
     num_rows, left_over = divmod(len(marks), columns.count + has_point)
     if left_over or num_rows == 0:
         return None
     ends = np.ascontiguousarray(marks.reshape(num_rows, -1).T)
-    points = ends[columns.t] if has_point else None
-    stops = [ends[i + (has_point and i >= columns.t)] for i in range(columns.count)]
-    if not _is_regular(text, stops, points):
+    lengths = np.empty_like(ends)
+    lengths[0, 0] = ends[0, 0] - MARGIN
+    lengths[0, 1:] = ends[0, 1:] - ends[-1, :-1] - 1
+    np.subtract(ends[1:], ends[:-1], out=lengths[1:])
+    lengths[1:] -= 1
+    places = [i + (has_point and i >= columns.t) for i in range(columns.count)]
+    pixels_and_sign = [places[i] for i in (columns.x, columns.y, columns.p)]
+    if not _is_regular(text, ends, columns.t if has_point else None) or int(lengths.min()) < 1:
         return None
-    first = np.empty(num_rows, np.int64)
-    first[0] = MARGIN
-    first[1:] = stops[-1][:-1] + 1
-    starts = [first, *(stop + 1 for stop in stops[:-1])]
-    lengths = [stop - start for start, stop in zip(starts, stops, strict=True)]
-    if any(int(length.min()) < 1 for length in lengths):
+    if max(int(lengths[i].max()) for i in pixels_and_sign) > LONGEST_WHOLE:
         return None
-    if max(int(lengths[i].max()) for i in (columns.x, columns.y, columns.p)) > LONGEST_WHOLE:
-        return None
-    t = _stamps(text, starts[columns.t], points, stops[columns.t], columns.unit)
+    t = _stamps(text, ends, lengths, columns, has_point)
     if t is None:
         return None
-    x, y, p = (whole_numbers(text, stops[i], lengths[i]) for i in (columns.x, columns.y, columns.p))
+    x, y, p = (whole_numbers(text, ends[i], lengths[i]) for i in pixels_and_sign)
     return Rows(x, y, t, p, num_rows)
 
 
-def _is_regular(text: Padded, stops: list[Int64[np.ndarray, " n"]], points: Int64[np.ndarray, " n"] | None) -> bool:
-    """Whether each token ends in a blank, each row in a line feed, and each point is a point."""
-    marks = [(stop, b" ") for stop in stops[:-1]] + [(stops[-1], b"\n")]
-    if points is not None:
-        marks.append((points, b"."))
-    return all(bool((text.octets.take(places) == mark[0]).all()) for places, mark in marks)
+def _is_regular(text: Padded, ends: Int64[np.ndarray, "k n"], point: int | None) -> bool:
+    """Whether each token ends in a blank, each row in a line feed, and the mark numbered `point` is a point."""
+    marks = bytearray(b" " * (len(ends) - 1) + b"\n")
+    if point is not None:
+        marks[point] = ord(".")
+    return all(bool((text.octets.take(places) == mark).all()) for places, mark in zip(ends, marks, strict=True))
 
 
 def _stamps(
-    text: Padded,
-    starts: Int64[np.ndarray, " n"],
-    points: Int64[np.ndarray, " n"] | None,
-    stops: Int64[np.ndarray, " n"],
-    unit: str,
+    text: Padded, ends: Int64[np.ndarray, "k n"], lengths: Int64[np.ndarray, "k n"], columns: Columns, has_point: bool
 ) -> Int64[np.ndarray, " n"] | None:
-    if points is None:
-        longest = int((stops - starts).max())
-        if unit not in ("us", "ns") or longest > LONGEST_WHOLE:
+    place = columns.t
+    if not has_point:
+        if columns.unit not in ("us", "ns") or int(lengths[place].max()) > LONGEST_WHOLE:
             return None
-        whole = whole_numbers(text, stops, stops - starts)
-        return whole if unit == "us" else from_nanoseconds(whole)
-    if unit != "s" or int((stops - points).max()) > LONGEST_FRACTION + 1:
+        whole = whole_numbers(text, ends[place], lengths[place]).astype(np.int64)
+        return whole if columns.unit == "us" else from_nanoseconds(whole)
+    if columns.unit != "s" or int(lengths[place + 1].max()) > LONGEST_FRACTION or int(lengths[place].max()) > 12:
         return None
-    if int((points - starts).min()) < 1 or int((points - starts).max()) > 12:
-        return None
-    return microseconds(text, starts, points, stops)
+    return microseconds(text, ends[place], lengths[place], lengths[place + 1])
 
 
 def _one_by_one(block: bytes, columns: Columns, name: str, first_line: int) -> Rows:

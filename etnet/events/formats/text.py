@@ -44,7 +44,7 @@ def text_pieces(stream: BufferedIOBase, size: int, columns: Columns, name: str, 
             if len(rest) > BLOCK + LONGEST_LINE:
                 raise RecordingError(f"{name}: line {line} is longer than {LONGEST_LINE} bytes; this is no event text")
             continue
-        whole, rest = rest + block[:cut], block[cut:]
+        whole, rest = b"".join((rest, memoryview(block)[:cut])), block[cut:]
         rows = parse_rows(whole, columns, name, line)
         line += rows.num_lines
         yield Decoded(rows.x, rows.y, rows.t, rows.p, done / max(size, done))

@@ -59,6 +59,17 @@ def test_unusual_spellings_go_the_patient_way_with_the_same_result(row):
     assert rows.p.tolist() == [1, 0, -1]
 
 
+def test_a_sign_and_a_2_in_one_block_stay_what_they_are():
+    assert parse(["0.1 1 2 -1", "0.2 3 4 2", "0.3 5 6 1"]).p.tolist() == [-1, 2, 1]
+
+
+@given(tokens=st.lists(st.integers(0, 99_999), min_size=1, max_size=20))
+def test_short_numbers_beside_long_ones_are_read_as_they_stand(tokens):
+    rows = parse([f"0.5 {token} {token % 1000} 1" for token in tokens])
+    assert rows.x.tolist() == tokens
+    assert rows.y.tolist() == [token % 1000 for token in tokens]
+
+
 def test_windows_line_ends_and_other_separators_make_no_difference():
     plain = parse_rows(b"0.5 1 2 1\n0.6 3 4 0\n", SECONDS, "a", 1)
     for other in (
