@@ -21,11 +21,12 @@ from app.catalogue import Catalogue
 from app.channel import AskHelp, Copied, FollowLink, Hello, Resized, Touched
 from app.comparing import Comparing, LanePlanned, LaneReply
 from app.engine import Engine
+from app.held import Held
 from app.keeper import Keeper
 from app.layout import build_layout
 from app.link import to_link
 from app.looking.lanes import lane_questions, scored, slot_of
-from app.opening import Opened, Opener, Opening, Plan, Unopened
+from app.opening import Opened, Opening, Unopened
 from app.panels.base import Choice, Page
 from app.playing import Player
 from app.present import AttentionLook, ModelFacts, Moment, Tones
@@ -35,7 +36,7 @@ from app.scene.space import Space
 from app.showing import Showing, Shown
 from app.stage import Stage
 from app.studying import Found, Studying
-from app.view_state import Limits, ViewState, reduce
+from app.view_state import ViewState, reduce
 from app.wishes import Failed, Ready, Reply, Wish, Working
 
 PUSH_INTERVAL = 1 / 12
@@ -74,14 +75,11 @@ class Session:
         self._mail: SimpleQueue[Item] = SimpleQueue()
         self._state = default
         self._keeper = Keeper(client, default)
-        self._opener = Opener(catalogue, self._mail.put)
+        self._held = Held(catalogue, self._mail.put)
         self._player = Player()
         self._answers = Answers()
         self._studying = Studying(engine, self._visitor, self._mail.put)
         self._comparing = Comparing(engine, catalogue, self._visitor, self._mail.put)
-        self._opened: Opened | None = None
-        self._refused: Plan | None = None
-        self._trouble = ""
         self._is_known = False
         self._has_asked = False
         self._is_closed = False
@@ -175,11 +173,12 @@ class Session:
             case LanePlanned() | LaneReply():
                 self._is_dirty |= self._comparing.take(item)
                 return
-            case Opening(plan, share):
-                if plan.recording_id == self._state.recording_id and self._moment() is None:
-                    self._trouble = f"It is being opened: {share:.0%}."
-            case Opened() | Unopened():
-                self._settle(item)
+            case Opening() | Opened() | Unopened():
+                follows, trouble = self._held.take(item, self._state)
+                if trouble:
+                    self._notify("Cannot be shown", trouble)
+                if follows is not None:
+                    self._reduce(follows)
             case _:
                 self._has_asked = True
                 self._answer(Touched())
@@ -225,43 +224,22 @@ class Session:
 
     def _reduce(self, intent: ask.Intent) -> None:
         before = self._state
-        self._state = reduce(before, intent, self._limits)
+        self._state = reduce(before, intent, self._held.limits(before))
         if _arrangement(self._state) != _arrangement(before):
             self._arrange()
-        if isinstance(intent, ask.ChooseCamera) and self._opened is not None:
-            self._stage.place(Space(self._opened.recording.sensor), self._state.camera, again=True)
+        sensor = self._held.limits(before).sensor
+        if isinstance(intent, ask.ChooseCamera) and sensor is not None:
+            self._stage.place(Space(sensor), self._state.camera, again=True)
 
     def _arrange(self) -> None:
         self._layout.arrange(*_arrangement(self._state))
 
-    def _settle(self, item: Opened | Unopened) -> None:
-        self._opener.heard(item.plan)
-        if item.plan != Plan(self._state.recording_id, self._state.policy):
-            return
-        if isinstance(item, Opened):
-            self._opened, self._refused, self._trouble = item, None, ""
-            self._reduce(ask.Settle(item.policy))
-            return
-        self._notify("Cannot be shown", item.message)
-        held = self._opened
-        if held is not None and held.plan.recording_id == item.plan.recording_id:
-            self._reduce(ask.ChoosePolicy(held.policy))  # the windows that worked
-        else:
-            self._opened, self._refused, self._trouble = None, item.plan, item.message
-
-    @property
-    def _limits(self) -> Limits:
-        held = self._opened
-        return held.limits if held is not None and held.plan.recording_id == self._state.recording_id else Limits()
-
     def _advance(self) -> None:
         if not self._is_known:
             return
-        plan = Plan(self._state.recording_id, self._state.policy)
-        if self._moment() is None and plan != self._refused:
-            self._opener.want(plan)
+        self._held.want(self._state)
         self._lead()
-        due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
+        due = self._player.due(self._state, self._held.limits(self._state), time.monotonic(), self._answers.index)
         if due is not None:
             self._reduce(ask.PlayTo(due))
             self._is_dirty = True
@@ -303,10 +281,7 @@ class Session:
         self.drawn = time.monotonic(), page
 
     def _moment(self) -> Moment | None:
-        held, state = self._opened, self._state
-        if held is None or held.plan.recording_id != state.recording_id or held.policy != state.policy:
-            return None
-        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
+        return self._held.moment(self._state)
 
     def _ask(self, moment: Moment) -> None:
         state = self._state
@@ -356,7 +331,7 @@ class Session:
             self._is_moving() or self._state.is_playing,
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
-            self._trouble,
+            self._held.trouble,
             self._catalogue.growing(),
             findings=self._studying.findings,
             lanes=self._lanes(moment),
