@@ -24,7 +24,7 @@ from etnet.events.recording import Recording, Remark
 from etnet.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
-Kind = Literal["bundled", "data", "file", "on demand"]
+Kind = Literal["bundled", "data", "file", "on demand", "upload"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
 MAX_MODELS = 50
@@ -86,6 +86,7 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
+        self._private: dict[str, Entry] = {}
         self._scratch: TemporaryDirectory[str] | None = None
         self._models = tuple(_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
@@ -114,8 +115,8 @@ class Catalogue:
         if self._config.data is None or not self._watch.look(recordings_in(self._config.data), now):
             return
         entries = tuple(_entries(self._config, self._watch.offered))
-        known = {entry.id for entry in entries}
         with self._lock:
+            known = {entry.id for entry in entries} | self._private.keys()
             self._entries = entries
             for gone in self._open.keys() - known:
                 del self._open[gone]  # closed when its last user lets go of it
@@ -138,7 +139,7 @@ class Catalogue:
 
     def entry(self, recording_id: str) -> Entry:
         """The entry of an id; an error if there is none."""
-        found = next((entry for entry in self._entries if entry.id == recording_id), None)
+        found = self._private.get(recording_id) or next((e for e in self._entries if e.id == recording_id), None)
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
         return found
@@ -164,10 +165,24 @@ class Catalogue:
                     return self._open[recording_id]
             recording = self._read(entry, progress)
             with self._lock:
+                if entry.kind == "upload" and recording_id not in self._private:
+                    raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
                 self._open[recording_id] = recording
                 while len(self._open) > KEPT_OPEN:
                     self._open.popitem(last=False)  # closed when its last user lets go of it
             return recording
+
+    def take_in(self, entry: Entry) -> None:
+        """Let a recording be opened by whoever knows its id; it stands in no list."""
+        with self._lock:
+            self._private[entry.id] = entry
+
+    def let_go(self, recording_id: str) -> Recording | None:
+        """Forget what was taken in; gives it, if it was open. It is closed when its last user lets go of it."""
+        with self._lock:
+            self._private.pop(recording_id, None)
+            self._opening.pop(recording_id, None)
+            return self._open.pop(recording_id, None)
 
     def close(self) -> None:
         """Close every recording that is kept open."""
@@ -198,11 +213,12 @@ class Catalogue:
                 recording = open_recording(path, view=View(self._config.region, factor), progress=progress)
                 text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
-        except EtnetError:
-            raise
+        except EtnetError as error:
+            raise under_its_name(error, entry) from error
         except Exception as error:
-            raise RecordingError(f"{entry.path.name}: cannot be opened ({error})") from error
+            raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
         recording = replace(recording, remarks=(*told, *recording.remarks)) if told else recording
+        recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
 
@@ -233,6 +249,25 @@ def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
     if num_pixels <= RUNNABLE_PIXELS:
         return 1
     return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
+
+
+def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
+    """The same error; of a visitor's file, by the name he knows: where it lies is nobody's business."""
+    return RecordingError(_named(str(error), entry)) if entry.kind == "upload" else error
+
+
+def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
+    """The same recording; a visitor's file is called as he calls it, in what was noticed, too."""
+    if entry.kind != "upload":
+        return recording
+    remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
+    return replace(recording, name=Path(entry.title).stem, remarks=remarks)
+
+
+def _named(text: str, entry: Entry) -> str:
+    for ours in (str(entry.path), entry.path.name, entry.path.stem):
+        text = text.replace(ours, entry.title)
+    return text
 
 
 def _with_remark(recording: Recording, remark: Remark) -> Recording:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from app import intents as ask
-from app.catalogue import Catalogue
 from app.opening import Opened, Opener, Opening, Plan, Unopened
+from app.own_catalogue import OwnCatalogue
 from app.present import Moment
 from app.view_state import Limits, ViewState
 
@@ -14,7 +14,7 @@ from app.view_state import Limits, ViewState
 class Held:
     """Keeps what is open equal to what the view asks for. Used by the visitor's thread alone."""
 
-    def __init__(self, catalogue: Catalogue, post: Callable[[Opened | Unopened | Opening], None]) -> None:
+    def __init__(self, catalogue: OwnCatalogue, post: Callable[[Opened | Unopened | Opening], None]) -> None:
         self._opener = Opener(catalogue, post)
         self._opened: Opened | None = None
         self._refused: Plan | None = None

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.catalogue import Catalogue, suited_policy
+from app.catalogue import suited_policy
+from app.own_catalogue import OwnCatalogue
 from app.view_state import Limits
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
@@ -55,7 +56,7 @@ class Opening:
 class Opener:
     """Opens beside the page. Answers come in any order; the session takes the one that fits its state."""
 
-    def __init__(self, catalogue: Catalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
+    def __init__(self, catalogue: OwnCatalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
         self._catalogue = catalogue
         self._tell = tell
         self._begun: Plan | None = None

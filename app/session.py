@@ -10,27 +10,28 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
 
 import viser
 
 from app import intents as ask
 from app.answers import Answers
-from app.catalogue import Catalogue
-from app.channel import AskHelp, Copied, FollowLink, Hello, Resized, Touched
+from app.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
 from app.comparing import Comparing, LanePlanned, LaneReply
+from app.composing import Composer
+from app.desk import Desk
 from app.engine import Engine
 from app.held import Held
 from app.keeper import Keeper
 from app.layout import build_layout
-from app.link import to_link
-from app.looking.lanes import lane_questions, scored, slot_of
+from app.letters import CanvasChanged, Closed, HandedOver, Item
+from app.looking.lanes import lane_questions
 from app.opening import Opened, Opening, Unopened
-from app.panels.base import Choice, Page
+from app.own_catalogue import OwnCatalogue
+from app.panels.base import Page
 from app.playing import Player
-from app.present import AttentionLook, ModelFacts, Moment, Tones
-from app.present.lane import LaneShown
+from app.present import Moment
 from app.questions import given_up, questions
 from app.scene.space import Space
 from app.showing import Showing, Shown
@@ -38,6 +39,9 @@ from app.stage import Stage
 from app.studying import Found, Studying
 from app.view_state import ViewState, reduce
 from app.wishes import Failed, Ready, Reply, Wish, Working
+
+if TYPE_CHECKING:
+    from etnet.playback.playback import CacheReport
 
 PUSH_INTERVAL = 1 / 12
 """Seconds between two pushes: a browser that is sent more shows less."""
@@ -50,25 +54,21 @@ GLANCE = 0.5
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class CanvasChanged:
-    """The canvas has another shape; the camera must be placed anew."""
-
-
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """The visitor has gone."""
-
-
-News = Reply | Found | LanePlanned | LaneReply | Opening | Opened | Unopened
-Item = ask.Intent | Hello | Resized | Shown | News | CanvasChanged | Closed
-
-
 class Session:
     """Made when a visitor connects, closed when he leaves."""
 
-    def __init__(self, client: viser.ClientHandle, catalogue: Catalogue, engine: Engine, default: ViewState) -> None:
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        catalogue: OwnCatalogue,
+        engine: Engine,
+        default: ViewState,
+        desk: Desk | None = None,
+    ) -> None:
+        """`desk` holds the files that he hands over; it is closed with the session."""
         self._client = client
+        self._desk = desk
+        self._default = default
         self._catalogue = catalogue
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
@@ -84,19 +84,23 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
+        self._composer = Composer(catalogue, engine, self._answers, self._studying, self._comparing, self._held, desk)
         self.drawn: tuple[float, Page] | None = None
         """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
         self._glanced_at = 0.0
-        self._cached: object = None
+        self._cached: CacheReport | None = None
         self._offer: object = None
         self._showing = Showing(client, catalogue, default)
-        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public)
+        ticket = "" if desk is None else desk.ticket
+        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public, ticket)
         self._arrange()
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
+        if desk is not None:
+            desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
         self._thread = threading.Thread(target=self._run, daemon=True, name=self._visitor)
         self._thread.start()
 
@@ -118,6 +122,8 @@ class Session:
             self.drawn = None
             self._comparing.close()
             self._engine.drop(self._visitor)
+            if self._desk is not None:
+                self._desk.close()
 
     def _serve(self) -> None:
         began = time.monotonic()
@@ -161,6 +167,13 @@ class Session:
                 self._answer(item)
             case Resized() | CanvasChanged():
                 pass
+            case HandedOver(arrived):
+                if arrived:
+                    self._answer(Touched())
+                    self._has_asked = self._is_known = True
+                    self._reduce(ask.OpenRecording(arrived))
+            case RemoveFile(recording_id):
+                self._remove(recording_id)
             case Ready() | Working() | Failed():
                 self._is_dirty |= self._answers.take(item)
                 return
@@ -186,11 +199,20 @@ class Session:
                     self._reduce(item)
         self._is_dirty = True
 
+    def _remove(self, recording_id: str) -> None:
+        if self._desk is None:
+            return
+        if self._state.recording_id == recording_id:
+            self._reduce(ask.OpenRecording(self._default.recording_id))
+        self._desk.remove(recording_id)
+
     def _lead(self) -> None:
         """Go on with the show, where the page is in public and nobody has touched it."""
         is_up = self._moment() is not None and self._answers.ready is not None
         if (stretch := self._showing.lead(self._state, is_up)) is None:
             return
+        if self._desk is not None:
+            self._desk.clear()  # whoever brought it has gone
         self._state, intents = stretch
         self._arrange()
         for intent in intents:
@@ -273,7 +295,9 @@ class Session:
         moment = self._moment()
         if moment is not None:
             self._ask(moment)
-        page = self._page(moment)
+        page = self._composer.page(
+            self._state, moment, self._cached, self._is_moving() or self._state.is_playing, self._is_moving()
+        )
         self._layout.legend.tell(self._stage.show(page))
         self._layout.show(page)
         self._shown_index = self._state.index
@@ -314,38 +338,9 @@ class Session:
         else:
             self._mail.put(reply)
 
-    def _page(self, moment: Moment | None) -> Page:
-        model = self._catalogue.model(self._state.model_id)
-        answers = self._answers
-        return Page(
-            self._state,
-            moment,
-            answers.ready if moment is not None else None,
-            answers.working,
-            answers.failed,
-            self._cached,  # pyright: ignore[reportArgumentType]  the engine's report is what the timeline draws
-            Tones.of(self._state, model.is_linear_light),
-            AttentionLook.of(self._state, model.is_linear_light),
-            ModelFacts(model.title, model.trained_band, model.card),
-            self._engine.status(answers.wish).step_milliseconds if answers.wish else None,
-            self._is_moving() or self._state.is_playing,
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.entries()),
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
-            self._held.trouble,
-            self._catalogue.growing(),
-            findings=self._studying.findings,
-            lanes=self._lanes(moment),
-            link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",
-        )
-
     def _num_seen(self, wish: Wish) -> int:
         cached = self._engine.cached(wish)
         return 0 if cached is None else sum(len(part) for part in cached.frames)
-
-    def _lanes(self, moment: Moment | None) -> tuple[LaneShown, ...]:
-        findings = self._studying.findings
-        lanes = self._comparing.lanes(self._state, moment, self._answers)
-        return tuple(scored(lane, findings.get(slot_of("moment", lane))) for lane in lanes)
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)

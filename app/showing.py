@@ -10,12 +10,13 @@ import viser
 
 from app import intents as ask
 from app.attract import FORBIDDEN, Attract, Throttle, intents_of
-from app.catalogue import Catalogue, CatalogueError
+from app.catalogue import CatalogueError
 from app.channel import AskHelp, Copied, FollowLink, Touched
 from app.layout import close_modal, show_help
 from app.link import LinkError, from_link
 from app.looking.cutting import SLOT as CUT
 from app.looking.taking import SLOT, Made
+from app.own_catalogue import OwnCatalogue
 from app.show_view import LeaveIt, PointAt
 from app.source_view import LeaveCut
 from app.studying import Found
@@ -33,7 +34,7 @@ _DONE: dict[str, ask.Intent] = {SLOT: LeaveIt(), CUT: LeaveCut()}
 class Showing:
     """Used by the visitor's thread, but for `hears`."""
 
-    def __init__(self, client: viser.ClientHandle, catalogue: Catalogue, default: ViewState) -> None:
+    def __init__(self, client: viser.ClientHandle, catalogue: OwnCatalogue, default: ViewState) -> None:
         self._client = client
         self._catalogue = catalogue
         self._default = default

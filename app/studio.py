@@ -190,6 +190,10 @@ class Studio:
         """Which playbacks are kept, by `Wish.playback`."""
         return frozenset(self._stages)
 
+    def forget(self, recording_id: str) -> None:
+        """Let go of every playback of a recording."""
+        self._let_go([key for key in self._stages if key[0] == recording_id])
+
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""
         key = (*wish.playback, *wish.frame)

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import viser
 
+from app.desk import DeskShown
 from app.intents import Intent
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
@@ -59,6 +60,8 @@ class Page:
     """What is compared at this moment, the main lane first; empty while nothing is."""
     link: str = ""
     """The moment on show as a value for an address; empty while it moves."""
+    desk: DeskShown | None = None
+    """The files that this visitor handed over; `None` where nothing is taken."""
 
 
 class Panel(Protocol):

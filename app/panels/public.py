@@ -10,6 +10,7 @@ from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
 from app.present import camera_frame_html, event_image_html, places_html
+from app.present.handing import public_handing_html
 from app.show_view import Act
 
 SAYINGS: dict[Act, tuple[str, str]] = {
@@ -96,7 +97,8 @@ def _bar(page: Page) -> str:
         for choice in page.recordings
     )
     inside = f'<button class="etv-big" data-k="workspace:attention" {ON_PICK}>Look inside the network</button>'
+    own = "" if page.desk is None else public_handing_html(page.desk)
     return (
         f'<div class="etv-bar" data-testid="yours"><span>{_YOURS}</span>'
-        f'<span class="etv-choices">{recordings}{inside}</span></div>'
+        f'<span class="etv-choices">{recordings}{inside}{own}</span></div>'
     )

@@ -14,6 +14,7 @@ from app.looking.doctor import SLOT
 from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
 from app.present.examination import closed_html, doctor_html
 from app.present.excerpt import excerpt_html
+from app.present.handing import handing_html
 from app.studies import Finding
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
@@ -34,6 +35,7 @@ class Source:
         self._recordings: dict[str, str] = {}
         self._models: dict[str, str] = {}
         self._recording = gui.add_dropdown("Recording", ("–",))
+        self._handing = Html(gui)
         self._kind = gui.add_dropdown("Windows by", KINDS)
         self._number = gui.add_number("Each holds", 0.35, min=0.0001)
         self._model = gui.add_dropdown("Network", ("–",))
@@ -51,6 +53,7 @@ class Source:
     def show(self, page: Page) -> None:
         """Let the widgets say what is open, and list what was noticed on opening it."""
         _offer(self._recording, self._recordings, page.recordings, page.state.recording_id)
+        self._handing.show("" if page.desk is None else handing_html(page.desk, ON_PICK))
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
