@@ -17,6 +17,7 @@ from threading import Lock, Thread
 from typing import Any, Literal
 
 from app.config import ViewerConfig
+from app.films import Films, split_id
 from app.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
 from etnet.bundled import models, samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
@@ -87,6 +88,7 @@ class Catalogue:
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
         self._private: dict[str, Entry] = {}
+        self.films = Films()
         self._scratch: TemporaryDirectory[str] | None = None
         self._models = tuple(_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
@@ -138,7 +140,8 @@ class Catalogue:
         return self._models
 
     def entry(self, recording_id: str) -> Entry:
-        """The entry of an id; an error if there is none."""
+        """The entry of an id; an error if there is none. A film under another setting has its video's."""
+        recording_id, _ = split_id(recording_id)
         found = self._private.get(recording_id) or next((e for e in self._entries if e.id == recording_id), None)
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
@@ -154,6 +157,8 @@ class Catalogue:
     def open(self, recording_id: str, progress: Callable[[float], None] | None = None) -> Recording:
         """The recording of an id, opened on the first call. Raises EtnetError and nothing else."""
         entry = self.entry(recording_id)
+        if self.is_film(entry):
+            return self.films.open(recording_id)
         with self._lock:
             if recording_id in self._open:
                 self._open.move_to_end(recording_id)
@@ -179,13 +184,20 @@ class Catalogue:
 
     def let_go(self, recording_id: str) -> Recording | None:
         """Forget what was taken in; gives it, if it was open. It is closed when its last user lets go of it."""
+        self.films.let_go(recording_id)
         with self._lock:
             self._private.pop(recording_id, None)
             self._opening.pop(recording_id, None)
             return self._open.pop(recording_id, None)
 
+    def is_film(self, entry: Entry) -> bool:
+        """Whether an entry is a video that is simulated while it is looked at. A part of one is simulated first."""
+        is_whole = self._config.region is None and (self._config.downsample or 1) == 1
+        return is_whole and entry.path is not None and entry.path.suffix.lower() in VIDEO_SUFFIXES
+
     def close(self) -> None:
         """Close every recording that is kept open."""
+        self.films.close()
         with self._lock:
             kept, self._open = list(self._open.values()), OrderedDict()
             scratch, self._scratch = self._scratch, None

@@ -54,6 +54,7 @@ class Composer:
             self.catalogue.growing(),
             findings=self.studying.findings,
             lanes=self._lanes(state, moment),
+            film=self.catalogue.film(state.recording_id),
             desk=None if self.desk is None else self.desk.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not drags else "",
         )

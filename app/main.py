@@ -75,6 +75,7 @@ class Viewer:
         self.engine = Engine(
             self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
         )
+        self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
         megabytes = config.upload_megabytes
         limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
@@ -132,11 +133,16 @@ class Viewer:
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""
         from app.cleaned import forget_cleaned
-        from app.present.moment import ARRAYS, PICTURES
 
         recording = self.catalogue.let_go(recording_id)
+        self._forget(recording_id)
+        if recording is not None:
+            forget_cleaned(recording)
+
+    def _forget(self, recording_id: str) -> None:
+        """Let go of everything that was computed of a recording."""
+        from app.present.moment import ARRAYS, PICTURES
+
         self.engine.forget(recording_id)
         for shared in (PICTURES, ARRAYS):
             shared.forget(recording_id)
-        if recording is not None:
-            forget_cleaned(recording)

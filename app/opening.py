@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.catalogue import suited_policy
+from app.growth import grown_plan
 from app.own_catalogue import OwnCatalogue
 from app.view_state import Limits
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
-from etnet.windows import Policy, Window, plan_windows
+from etnet.windows import Policy, Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,8 @@ class Opened:
     @property
     def limits(self) -> Limits:
         """What the reducer may do."""
-        return Limits(self.recording.sensor, self.windows, self.recording.span.start)
+        is_growing = self.recording.latest is not None
+        return Limits(self.recording.sensor, self.windows, self.recording.span.start, is_growing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ class Opener:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
             policy = suited_policy(recording) if plan.policy is None else plan.policy
-            windows = plan_windows(recording, policy)
+            windows = grown_plan(recording, policy)
             if len(windows) == 0:
                 self._tell(Unopened(plan, f"{recording.name}: holds no events, so there is nothing to show"))
             else:

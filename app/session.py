@@ -90,7 +90,7 @@ class Session:
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
-        self._glanced_at = 0.0
+        self._glanced_at = self._grown_at = 0.0
         self._cached: CacheReport | None = None
         self._offer: object = None
         self._showing = Showing(client, catalogue, default)
@@ -122,6 +122,7 @@ class Session:
             self.drawn = None
             self._comparing.close()
             self._engine.drop(self._visitor)
+            self._catalogue.close()
             if self._desk is not None:
                 self._desk.close()
 
@@ -285,6 +286,12 @@ class Session:
         offer = self._catalogue.entries(), self._catalogue.growing()
         self._is_dirty |= offer != self._offer
         self._offer = offer
+        if time.monotonic() - self._grown_at > GLANCE:
+            self._grown_at = time.monotonic()
+            has_grown, follows = self._held.grow(self._state)
+            self._is_dirty |= has_grown
+            if follows is not None:
+                self._reduce(follows)
         if self._answers.wish is not None and time.monotonic() - self._glanced_at > GLANCE:
             self._glanced_at = time.monotonic()
             cached = self._engine.cached(self._answers.wish)

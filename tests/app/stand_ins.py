@@ -15,6 +15,7 @@ from websockets.asyncio.client import connect
 
 from app.catalogue import CatalogueError, Entry, ModelEntry
 from app.engine import EngineStatus
+from app.films import Films
 from app.own_catalogue import OwnCatalogue
 from app.server import Address, free_port, start_server
 from app.session import Session
@@ -51,6 +52,10 @@ class Shelf:
     def __init__(self):
         self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
         self.private = {}
+        self.films = Films()
+
+    def is_film(self, entry):
+        return False
 
     def take_in(self, entry):
         self.private[entry.id] = entry
