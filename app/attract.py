@@ -27,7 +27,9 @@ STALLED = 20.0
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
 """Where the third act looks from, as fractions of the picture."""
-FORBIDDEN = ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy | InsideIntent | CompareIntent | SourceIntent
+FORBIDDEN = (
+    ask.SeeAnew | ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy | InsideIntent | CompareIntent | SourceIntent
+)
 """What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
 
 

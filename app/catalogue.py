@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import math
 import time
@@ -15,27 +13,23 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
-from typing import Any, Literal
+from typing import Literal
 
 from app.config import ViewerConfig
 from app.crew import CREW
+from app.films import Films, split_id
 from app.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.offered_models import ModelEntry, digest, offered_models
 from app.part_ids import known_as, whole_id
-from etnet.bundled import models, samples
-from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.bundled import samples
+from etnet.errors import EtnetError, RecordingError
 from etnet.events.recording import Recording, Remark
 from etnet.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
-Kind = Literal["bundled", "data", "file", "on demand"]
+Kind = Literal["bundled", "data", "file", "on demand", "upload"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
-MAX_MODELS = 50
-"""Weights files listed of a --data folder."""
-BASELINES = {"leaky-integrator": "leaky integrator"}
-"""What `load_model` knows without weights, and how it is called."""
-WEIGHTS_FORMAT = "etnet-weights-1"
-"""`etnet.nets.weights.FORMAT`, whose module needs torch."""
 LOOK_EVERY = 1.0
 """Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
 _PATIENCE = 20
@@ -68,21 +62,6 @@ class Entry:
     """What has to be fetched first, for "on demand"."""
 
 
-@dataclass(frozen=True, slots=True)
-class ModelEntry:
-    """One model that can be run. `trained_band`: events per pixel and window; `source` is what `load_model` takes."""
-
-    id: str
-    title: str
-    subtitle: str
-    is_linear_light: bool
-    trained_band: tuple[float, float] | None
-    warm_up: int | None
-    source: str | Path = field(repr=False)
-    card: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    """All that the weights file says of itself."""
-
-
 class Catalogue:
     """Recordings and models by id; recordings are opened once for all visitors. Safe from every thread."""
 
@@ -91,8 +70,10 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
+        self._private: dict[str, Entry] = {}
+        self.films = Films()
         self._scratch: TemporaryDirectory[str] | None = None
-        self._models = tuple(_models(config))
+        self._models = tuple(offered_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
         self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
         self._entries = tuple(_entries(config, self._watch.offered))
@@ -119,8 +100,8 @@ class Catalogue:
         if self._config.data is None or not self._watch.look(recordings_in(self._config.data), now):
             return
         entries = tuple(_entries(self._config, self._watch.offered))
-        known = {entry.id for entry in entries}
         with self._lock:
+            known = {entry.id for entry in entries} | self._private.keys()
             self._entries = entries
             for gone in [key for key in self._open if whole_id(key) not in known]:
                 del self._open[gone]  # closed when its last user lets go of it
@@ -142,8 +123,9 @@ class Catalogue:
         return self._models
 
     def entry(self, recording_id: str) -> Entry:
-        """The entry of an id, a part's too; an error if there is none."""
-        found = next((entry for entry in self._entries if entry.id == whole_id(recording_id)), None)
+        """The entry of an id, a part's too; an error if there is none. A film under another setting has its video's."""
+        recording_id, _ = split_id(whole_id(recording_id))
+        found = self._private.get(recording_id) or next((e for e in self._entries if e.id == recording_id), None)
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
         return found
@@ -161,6 +143,8 @@ class Catalogue:
         Of a large file that is still being indexed it is the part that is there, and all of it in a later call.
         """
         entry = self.entry(recording_id)
+        if self.is_film(entry):
+            return self.films.open(recording_id)
         with self._lock:
             if (held := self._held(recording_id)) is not None:
                 return held
@@ -175,6 +159,8 @@ class Catalogue:
                 )
             recording = self._read(entry, progress)
             with self._lock:
+                if entry.kind == "upload" and entry.id not in self._private:
+                    raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
                 self._open[known_as(entry.id, recording)] = recording
                 while len(self._open) > KEPT_OPEN:
                     self._open.popitem(last=False)  # closed when its last user lets go of it
@@ -193,8 +179,28 @@ class Catalogue:
         self._open.move_to_end(key)
         return self._open[key]
 
+    def take_in(self, entry: Entry) -> None:
+        """Let a recording be opened by whoever knows its id; it stands in no list."""
+        with self._lock:
+            self._private[entry.id] = entry
+
+    def let_go(self, recording_id: str) -> Recording | None:
+        """Forget what was taken in; gives it, if it was open. It is closed when its last user lets go of it."""
+        self.films.let_go(recording_id)
+        with self._lock:
+            self._private.pop(recording_id, None)
+            self._opening.pop(recording_id, None)
+            parts = [key for key in self._open if whole_id(key) == recording_id]
+            return next((self._open.pop(key) for key in parts), None)
+
+    def is_film(self, entry: Entry) -> bool:
+        """Whether an entry is a video that is simulated while it is looked at. A part of one is simulated first."""
+        is_whole = self._config.region is None and (self._config.downsample or 1) == 1
+        return is_whole and entry.path is not None and entry.path.suffix.lower() in VIDEO_SUFFIXES
+
     def close(self) -> None:
         """Close every recording that is kept open."""
+        self.films.close()
         with self._lock:
             kept, self._open = list(self._open.values()), OrderedDict()
             scratch, self._scratch = self._scratch, None
@@ -223,11 +229,12 @@ class Catalogue:
                 recording = opened(view=View(self._config.region, factor))
                 text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
-        except EtnetError:
-            raise
+        except EtnetError as error:
+            raise under_its_name(error, entry) from error
         except Exception as error:
-            raise RecordingError(f"{entry.path.name}: cannot be opened ({error})") from error
+            raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
         recording = replace(recording, remarks=(*told, *recording.remarks)) if told else recording
+        recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
 
@@ -239,7 +246,7 @@ class Catalogue:
         with self._lock:
             if self._scratch is None:
                 self._scratch = TemporaryDirectory(prefix="etnet-video-")
-        made = Path(self._scratch.name) / f"{video.stem}-{_digest(video)}-{sign_of(video)[1]}.h5"
+        made = Path(self._scratch.name) / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
         if not made.exists():
             simulate_video(video, made, config, progress)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
@@ -258,6 +265,25 @@ def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
     if num_pixels <= RUNNABLE_PIXELS:
         return 1
     return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
+
+
+def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
+    """The same error; of a visitor's file, by the name he knows: where it lies is nobody's business."""
+    return RecordingError(_named(str(error), entry)) if entry.kind == "upload" else error
+
+
+def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
+    """The same recording; a visitor's file is called as he calls it, in what was noticed, too."""
+    if entry.kind != "upload":
+        return recording
+    remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
+    return replace(recording, name=Path(entry.title).stem, remarks=remarks)
+
+
+def _named(text: str, entry: Entry) -> str:
+    for ours in (str(entry.path), entry.path.name, entry.path.stem):
+        text = text.replace(ours, entry.title)
+    return text
 
 
 def _with_remark(recording: Recording, remark: Remark) -> Recording:
@@ -282,7 +308,7 @@ def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entr
 def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
     name = path.stem if kind == "bundled" else path.name or str(path)
     # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
-    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{_digest(path)}"
+    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{digest(path)}"
     if turn:
         entry_id = f"{entry_id}-{turn}"  # another file by the name of a former one
     return Entry(entry_id, name, kind, subtitle, path)
@@ -293,74 +319,3 @@ def _on_demand(sample: RemoteSample) -> Entry:
     subtitle = "real, fetched before" if is_here else f"real, fetched once: {sample.num_bytes / 1e6:.0f} MB"
     path = cache_folder() / sample.name
     return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(str(path.resolve()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
-
-
-def _models(config: ViewerConfig) -> Iterator[ModelEntry]:
-    wanted, bundled = config.model, {path.stem: path for path in models()}
-    if wanted not in bundled and wanted not in BASELINES:
-        # Read now, so that a wrong name is one line before the page is served and not a notice in it.
-        path = Path(wanted)
-        if not path.is_file():
-            known = ", ".join([*bundled, *BASELINES])
-            raise WeightsError(f"--model {wanted}: no such weights file or bundled model; bundled are {known}")
-        yield _own_entry(path) if path.suffix == ".py" else _model_entry(f"file-{_digest(path)}", path, path)
-    if wanted in BASELINES:
-        yield _baseline_entry(wanted)
-    for name in sorted(bundled, key=lambda name: name != wanted):
-        yield _model_entry(name, bundled[name], name)
-    for path in [] if config.data is None else _weights_in(config.data):
-        if path.resolve() != Path(wanted).resolve():
-            try:
-                yield _model_entry(f"data-{_digest(path)}", path, path)
-            except WeightsError as error:
-                _log.warning("left out of the list of networks: %s", error)
-    yield from (_baseline_entry(name) for name in BASELINES if name != wanted)
-
-
-def _weights_in(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*.safetensors") if not path.name.startswith("."))[:MAX_MODELS]
-
-
-def _own_entry(path: Path) -> ModelEntry:
-    return ModelEntry(f"file-{_digest(path)}", path.stem, f"your own, {path.name}", False, None, None, path)
-
-
-def _baseline_entry(name: str) -> ModelEntry:
-    return ModelEntry(name, BASELINES[name], "a baseline that was never trained", False, None, None, name)
-
-
-def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
-    card = _card(path)
-    band = card.get("events_per_pixel")
-    warm_up = card.get("warm_up")
-    return ModelEntry(
-        id=model_id,
-        title=str(card.get("title", path.stem)),
-        subtitle="bundled" if source == path.stem else path.name,
-        is_linear_light=card.get("target_tone", "linear") == "linear",
-        trained_band=(float(band[0]), float(band[1])) if isinstance(band, list) and len(band) == 2 else None,
-        warm_up=int(warm_up) if isinstance(warm_up, (int, float)) else None,
-        source=source,
-        card=card,
-    )
-
-
-def _card(path: Path) -> dict[str, Any]:
-    """A weights file's card without torch, which takes seconds to import."""
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(path, framework="np") as file:
-            metadata = file.metadata() or {}
-        if metadata.get("format") != WEIGHTS_FORMAT:
-            raise WeightsError(f"{path.name}: not weights of ours; make them with `etnet convert`")
-        card = json.loads(metadata.get("card", "{}"))
-    except (SafetensorError, OSError, json.JSONDecodeError) as error:
-        raise WeightsError(
-            f"{path.name}: not a weights file that can be read ({error}); make one with `etnet convert`"
-        ) from None
-    return card if isinstance(card, dict) else {}

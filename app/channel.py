@@ -68,12 +68,22 @@ class Copied:
     is_done: bool
 
 
-Message = Hello | Resized | AskHelp | Touched | FollowLink | Copied
+@dataclass(frozen=True, slots=True)
+class RemoveFile:
+    """A file that was handed over is not wanted any more."""
+
+    recording_id: str
+
+
+Message = Hello | Resized | AskHelp | Touched | FollowLink | Copied | RemoveFile
 _KEYS: dict[str, ask.Intent | AskHelp] = {"comma": ask.Move(-1), "period": ask.Move(1), "question": AskHelp()}
 
 
-def open_channel(gui: viser.GuiApi, hear: Callable[[ask.Intent | Message], None]) -> None:
-    """Put the channel's ends into the page; `hear` gets what comes, on viser's event loop."""
+def open_channel(gui: viser.GuiApi, hear: Callable[[ask.Intent | Message], None], ticket: str = "") -> None:
+    """Put the channel's ends into the page; `hear` gets what comes, on viser's event loop.
+
+    `ticket` lets the page hand over files (`app.upload_door`); without one it does not offer to.
+    """
     field = gui.add_text("channel", "", visible=False)
 
     @field.on_update
@@ -89,8 +99,9 @@ def open_channel(gui: viser.GuiApi, hear: Callable[[ask.Intent | Message], None]
         "document.head.append(s)}"
     )
     pixel = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+    lets = f' data-etv-ticket="{escape(ticket)}"' if ticket else ""
     gui.add_html(
-        '<link rel="stylesheet" href="/static/theme.css">'
+        f'<link rel="stylesheet" href="/static/theme.css"{lets}>'
         f'<img alt="" style="display:none" src="{pixel}" onload="{escape(start)}">'
     )
 
@@ -119,7 +130,7 @@ def parse(text: str) -> ask.Intent | Message | None:
     return None
 
 
-def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
+def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | RemoveFile | None:
     if not (math.isfinite(u) and math.isfinite(v)):
         return None
     kind, _, name = key.partition(":")
@@ -142,6 +153,8 @@ def _picked(key: str, u: float, v: float) -> ask.Intent | AskHelp | None:
             return ask.OpenBin(int(name) if name else None)
         case "inside":
             return inside_view.heard(name)
+        case "remove":
+            return RemoveFile(name)
         case "source":
             return source_view.heard(name)
         case "lane":

@@ -26,3 +26,10 @@ def cleaned_once(recording: Recording, cleaning: Cleaning) -> Recording:
                 _held.popitem(last=False)
         _held.move_to_end(key)
         return _held[key]
+
+
+def forget_cleaned(recording: Recording) -> None:
+    """Let go of what was made of a recording."""
+    with _lock:
+        for key in [key for key in _held if key[0] is recording]:
+            del _held[key]

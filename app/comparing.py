@@ -10,10 +10,11 @@ from functools import partial
 from typing import Protocol
 
 from app.answers import Answers
-from app.catalogue import Catalogue, ModelEntry
 from app.cleaned import cleaned_once
 from app.compare_view import MOST_LANES, Lane
 from app.crew import CREW
+from app.offered_models import ModelEntry
+from app.own_catalogue import OwnCatalogue
 from app.present import Moment, Tones
 from app.present.lane import LaneShown, Truth
 from app.studio import WARM_UP
@@ -73,7 +74,7 @@ class Comparing:
     """Keeps what is asked of the engine equal to the lanes of the view. Used by the visitor's thread alone."""
 
     def __init__(
-        self, engine: Wishes, catalogue: Catalogue, visitor: str, post: Callable[[LanePlanned | LaneReply], None]
+        self, engine: Wishes, catalogue: OwnCatalogue, visitor: str, post: Callable[[LanePlanned | LaneReply], None]
     ) -> None:
         self._engine = engine
         self._catalogue = catalogue

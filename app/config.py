@@ -15,6 +15,11 @@ MIN_BUDGET = 64
 """MB: room for a few states of the default network at 346×260."""
 
 
+UPLOADS = 256
+"""MB that a visitor may hand over where nothing is said and only this machine reaches the viewer."""
+MOST_UPLOADS = 4096
+
+
 class ConfigError(EtnetError):
     """The viewer was asked for something that does not go together."""
 
@@ -59,6 +64,10 @@ class ViewerConfig:
     downsample: Literal[1, 2, 4] | None = None
     """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
 
+    uploads: Annotated[int | Literal["off"] | None, tyro.conf.arg(metavar="{off,MB}")] = None
+    """MB that a visitor may hand over from his browser, or off. By default 256, and off where others can come in
+    (--demo, --public-url, --host). His files are his alone, and go when he goes."""
+
     demo: bool = False
     """For a stand in public: shows itself until somebody touches it, and starts over when he has gone."""
 
@@ -71,6 +80,10 @@ class ViewerConfig:
             raise ConfigError(f"--budget {self.budget}: wanted at least {MIN_BUDGET} MB")
         if self.threads is not None and self.threads < 1:
             raise ConfigError(f"--threads {self.threads}: wanted at least 1")
+        if isinstance(self.uploads, int) and not 1 <= self.uploads <= MOST_UPLOADS:
+            raise ConfigError(
+                f"--uploads {self.uploads}: wanted off or 1 … {MOST_UPLOADS:,} MB; larger files open from --data FOLDER"
+            )
         if self.host not in LOOPBACK_HOSTS and not self.token:
             raise ConfigError(f"--host {self.host}: others could reach the viewer; give --token SECRET with it")
         if self.data is not None and not self.data.is_dir():
@@ -81,6 +94,14 @@ class ViewerConfig:
     def region(self) -> tuple[int, int, int, int] | None:
         """`roi` as numbers: x, y, width, height."""
         return None if self.roi is None else _region(self.roi)
+
+    @property
+    def upload_megabytes(self) -> int | None:
+        """MB that a visitor may hand over; `None` where nothing is taken."""
+        if self.uploads is not None:
+            return self.uploads if isinstance(self.uploads, int) else None
+        is_open = self.demo or self.public_url is not None or self.host not in LOOPBACK_HOSTS
+        return None if is_open else UPLOADS
 
     @property
     def budget_bytes(self) -> int:

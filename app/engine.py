@@ -67,6 +67,7 @@ class Engine:
         self._studies = StudyBook(self._studio, self._book.changed)
         self._prefetcher = Prefetcher(self._studio, self._book) if prefetches else None
         self._to_prepare: tuple[str, str] | None = None
+        self._to_forget: list[str] = []
         self._recent = RecentFrames()
         self._is_stopping = False
         self._is_loading = False
@@ -112,6 +113,12 @@ class Engine:
             self._to_prepare = (model_id, precision)
             self._book.changed.notify_all()
 
+    def forget(self, recording_id: str) -> None:
+        """Let go of everything that was computed of a recording, after the step that runs."""
+        with self._book.changed:
+            self._to_forget.append(recording_id)
+            self._book.changed.notify_all()
+
     def stop(self) -> None:
         """End the thread after the step that runs, and wait for that."""
         with self._book.changed:
@@ -142,6 +149,8 @@ class Engine:
 
     def _work(self) -> None:
         """One piece of work; while the thread rests it refers to no visitor, who may have left."""
+        while self._to_forget:
+            self._forget_recording(self._to_forget.pop())
         turn = self._book.next_turn()
         if turn is not None:
             self._serve(turn)
@@ -154,7 +163,8 @@ class Engine:
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()
-        return bool(self._book.num_waiting or self._to_prepare or self._studies.num_waiting or prefetches)
+        waits = self._to_forget or self._to_prepare
+        return bool(self._book.num_waiting or waits or self._studies.num_waiting or prefetches)
 
     def _serve(self, turn: Turn) -> None:
         try:
@@ -205,14 +215,24 @@ class Engine:
             finally:
                 self._is_loading = False
             self._note_precision(wish.model_id, wish.precision)
-            held = self._studio.held_keys()
-            self._reports = {key: report for key, report in self._reports.items() if key in held}
-            self._paces = {**{key: pace for key, pace in self._paces.items() if key in held}, wish.playback: stage.pace}
+            self._paces[wish.playback] = stage.pace
+            self._forget_reports()
             if stage.expected_step > SLOW_STEP:
                 seconds = stage.expected_step / 1000
                 size = stage.playback.recording.sensor
                 self._say(turn, Working(wish, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
         return self._studio.stage(wish)
+
+    def _forget_reports(self) -> None:
+        held = self._studio.held_keys()
+        self._reports = {key: report for key, report in self._reports.items() if key in held}
+        self._paces = {key: pace for key, pace in self._paces.items() if key in held}
+
+    def _forget_recording(self, recording_id: str) -> None:
+        self._studio.forget(recording_id)
+        self._studies.forget(recording_id)
+        self._recent.forget(recording_id)
+        self._forget_reports()
 
     def _preview(self, turn: Turn, stage: Stage) -> None:
         """Show an approximate frame before a long seek."""

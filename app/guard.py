@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hmac
 import mimetypes
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlencode, urlsplit
@@ -22,6 +22,12 @@ from websockets.http11 import Request, Response
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
 COOKIE = "etnet_view"
+LARGEST_MESSAGE = 300_000
+"""Bytes of one message of a page: a little more than the largest that ours sends, a chunk of a file. A connection
+holds up to 16 of them before it stops reading."""
+VISER_UPLOAD = b"FileTransferStartUpload"
+"""What a message that lets viser hold a file begins with, somewhere: viser keeps the bytes in memory, without a cap."""
+Handler = Callable[[ServerConnection], Awaitable[None]]
 ProcessRequest = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
 
 
@@ -39,6 +45,8 @@ class Guard:
     health: str = "ok"
     dress: Callable[[Response], Response] = lambda response: response
     """What is done to viser's own answers."""
+    doors: Mapping[str, Handler] = field(default_factory=dict)
+    """Websockets that are not viser's, by their path."""
 
     def refuse_or_answer(self, request: Request) -> Response | None:
         """The answer to a request that must not reach viser, or is not viser's; `None` lets it through."""
@@ -93,7 +101,9 @@ def guarding(guard: Guard) -> Iterator[None]:
     """Servers that are constructed inside are guarded: viser calls websockets' `serve` and takes no check of ours."""
     original = websocket_server.serve
 
-    def serve(*args: object, process_request: ProcessRequest | None = None, **options: object) -> object:
+    def serve(
+        handler: Handler, *args: object, process_request: ProcessRequest | None = None, **options: object
+    ) -> object:
         def process(connection: ServerConnection, request: Request) -> Awaitable[Response | None] | Response | None:
             answer = guard.refuse_or_answer(request)
             if answer is not None or process_request is None:
@@ -101,13 +111,37 @@ def guarding(guard: Guard) -> Iterator[None]:
             answer = process_request(connection, request)
             return guard.dress(answer) if isinstance(answer, Response) else answer
 
-        return original(*args, process_request=process, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        async def handle(connection: ServerConnection) -> None:
+            assert connection.request is not None
+            door = guard.doors.get(urlsplit(connection.request.path).path)
+            await (handler(_taking_no_files(connection)) if door is None else door(connection))
+
+        options = {**options, "max_size": LARGEST_MESSAGE}
+        return original(handle, *args, process_request=process, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
     websocket_server.serve = serve  # pyright: ignore[reportAttributeAccessIssue]
     try:
         yield
     finally:
         websocket_server.serve = original
+
+
+def _taking_no_files(connection: ServerConnection) -> ServerConnection:
+    """The same connection, which ends when it wants viser to hold a file: files come in at a door that counts them.
+
+    viser takes one in the name of any widget, and nothing in it says how large it may be.
+    """
+    receive = connection.recv
+
+    async def recv(decode: bool | None = None) -> str | bytes:
+        message = await receive(decode)
+        if isinstance(message, bytes) and VISER_UPLOAD in message:
+            await connection.close(1008, "files come in at /upload")
+            return await receive(decode)  # which raises ConnectionClosed
+        return message
+
+    connection.recv = recv  # pyright: ignore[reportAttributeAccessIssue]
+    return connection
 
 
 def _host_name(host: str) -> str:

@@ -27,6 +27,13 @@ class OpenRecording:
 
 
 @dataclass(frozen=True, slots=True)
+class SeeAnew:
+    """Show the same scene as another sensor sees it, by its id; the moment on show stays where it is in time."""
+
+    recording_id: str
+
+
+@dataclass(frozen=True, slots=True)
 class ChooseModel:
     """Reconstruct with another model, by its catalogue id."""
 
@@ -202,6 +209,7 @@ class OpenBin:
 
 Intent = (
     OpenRecording
+    | SeeAnew
     | ChooseModel
     | ChoosePrecision
     | ChoosePolicy

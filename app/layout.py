@@ -83,10 +83,11 @@ def build_layout(
     dispatch: Dispatch,
     hear: Callable[[ask.Intent | Message], None],
     is_public: bool = False,
+    ticket: str = "",
 ) -> Layout:
-    """Lay out one visitor's page; in public without what only the host may change."""
+    """Lay out one visitor's page; in public without what only the host may change. `ticket`: see `open_channel`."""
     is_phone = client.camera.aspect < PHONE_ASPECT
-    open_channel(client.gui, hear)
+    open_channel(client.gui, hear, ticket)
     _add_commands(client.gui, dispatch, hear)
     return _build_phone(client, dispatch, is_public) if is_phone else _build_desk(client, dispatch, is_public)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 import warnings
@@ -31,6 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"etnet-view: {error}", file=sys.stderr)
         return 1
     print(viewer.where_to_look, flush=True)
+    # Whoever ends it politely ends it as Ctrl+C does: with what visitors brought taken away.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:
@@ -45,10 +48,13 @@ class Viewer:
 
     def __init__(self, config: ViewerConfig) -> None:
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
+        from app import upload_door
         from app.attract import MOST_VISITORS, public_view
         from app.engine import Engine
+        from app.own_catalogue import OwnCatalogue
         from app.server import Address, free_port, start_server
         from app.session import Session
+        from app.uploads import UploadLimits, Uploads
         from app.view_state import ViewState
 
         # A visitor who leaves while his page is drawn is nothing to tell on the terminal.
@@ -69,10 +75,20 @@ class Viewer:
         self.engine = Engine(
             self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
         )
+        self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
+        megabytes = config.upload_megabytes
+        limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
+        self.uploads = None if limits is None else Uploads(limits, self.catalogue.take_in, self._let_go)
 
         def visit(client: viser.ClientHandle) -> Session:
-            session = Session(client, self.catalogue, self.engine, default)
+            desk = None if self.uploads is None else self.uploads.desk()
+            try:
+                session = Session(client, OwnCatalogue(self.catalogue, desk), self.engine, default, desk)
+            except BaseException:
+                if desk is not None:
+                    desk.close()
+                raise
             self._visits.add(session)
             return session
 
@@ -81,6 +97,7 @@ class Viewer:
             self.port,
             visit,
             MOST_VISITORS if config.demo else None,
+            {} if self.uploads is None else {upload_door.PATH: upload_door.UploadDoor(self.uploads)},
         )
         self.port = self.server.get_port()
         if models:
@@ -109,4 +126,23 @@ class Viewer:
         """End server and engine."""
         self.server.stop()
         self.engine.stop()
+        if self.uploads is not None:
+            self.uploads.close()
         self.catalogue.close()
+
+    def _let_go(self, recording_id: str) -> None:
+        """Forget a visitor's recording with everything that was computed of it."""
+        from app.cleaned import forget_cleaned
+
+        recording = self.catalogue.let_go(recording_id)
+        self._forget(recording_id)
+        if recording is not None:
+            forget_cleaned(recording)
+
+    def _forget(self, recording_id: str) -> None:
+        """Let go of everything that was computed of a recording."""
+        from app.present.moment import ARRAYS, PICTURES
+
+        self.engine.forget(recording_id)
+        for shared in (PICTURES, ARRAYS):
+            shared.forget(recording_id)

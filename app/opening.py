@@ -6,13 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from app.catalogue import Catalogue, suited_policy
+from app.catalogue import suited_policy
 from app.crew import CREW
+from app.growth import grown_plan
+from app.own_catalogue import OwnCatalogue
 from app.part_ids import known_as
 from app.view_state import Limits
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
-from etnet.windows import Policy, Window, plan_windows
+from etnet.windows import Policy, Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,8 @@ class Opened:
     @property
     def limits(self) -> Limits:
         """What the reducer may do."""
-        return Limits(self.recording.sensor, self.windows, self.recording.span.start)
+        is_growing = self.recording.latest is not None
+        return Limits(self.recording.sensor, self.windows, self.recording.span.start, is_growing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,7 @@ class Opening:
 class Opener:
     """Opens beside the page. Answers come in any order; the session takes the one that fits its state."""
 
-    def __init__(self, catalogue: Catalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
+    def __init__(self, catalogue: OwnCatalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
         self._catalogue = catalogue
         self._tell = tell
         self._begun: Plan | None = None
@@ -93,7 +96,7 @@ class Opener:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
             policy = suited_policy(recording) if plan.policy is None else plan.policy
-            windows = plan_windows(recording, policy)
+            windows = grown_plan(recording, policy)
             if len(windows) == 0:
                 self._tell(Unopened(plan, f"{recording.name}: holds no events, so there is nothing to show"))
             else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from etnet.events.recording import Recording
 
-_PART = "~"
+_PART = "^"
 
 
 def known_as(recording_id: str, recording: Recording) -> str:

@@ -33,6 +33,12 @@ class RecentFrames:
             while self._nbytes > self._largest:
                 self._nbytes -= self._held.popitem(last=False)[1].frame.nbytes
 
+    def forget(self, recording_id: str) -> None:
+        """Let go of a recording's frames."""
+        with self._lock:
+            for key in [key for key in self._held if key[0] == recording_id]:
+                self._nbytes -= self._held.pop(key).frame.nbytes
+
     def find(self, wish: Wish) -> Ready | None:
         """The reply to the same wish, as it was given then."""
         with self._lock:

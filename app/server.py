@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -17,7 +17,7 @@ import viser
 from viser.theme import TitlebarImage
 
 from app.assets import page_folder
-from app.guard import LOOPBACK, Guard, guarding
+from app.guard import LOOPBACK, Guard, Handler, guarding
 from app.page_head import PageHead
 from app.upkeep import Upkeep, share_arenas
 from etnet.errors import EtnetError
@@ -75,10 +75,12 @@ def start_server(
     port: int,
     visit: Callable[[viser.ClientHandle], Visit],
     most_visitors: int | None = None,
+    doors: Mapping[str, Handler] | None = None,
 ) -> viser.ViserServer:
     """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when he leaves.
 
-    Whoever comes when `most_visitors` are here already is told so, and gets no session.
+    Whoever comes when `most_visitors` are here already is told so, and gets no session. `doors` are
+    websockets beside viser's, by their path.
     """
     public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()
     guard = Guard(
@@ -88,6 +90,7 @@ def start_server(
         public,
         f"ok, viser {viser.__version__}\n",
         PageHead(address.public_url).dressed,
+        doors or {},
     )
     share_arenas()
     # viser prints a frame with addresses of its own; this program says where to look in one line.

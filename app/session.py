@@ -10,34 +10,39 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
 
 import viser
 
 from app import intents as ask
 from app.answers import Answers
-from app.catalogue import Catalogue
-from app.channel import AskHelp, Copied, FollowLink, Hello, Resized, Touched
+from app.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
 from app.comparing import Comparing, LanePlanned, LaneReply
+from app.composing import Composer
+from app.desk import Desk
 from app.engine import Engine
+from app.held import Held
 from app.keeper import Keeper
 from app.layout import build_layout
-from app.link import to_link
-from app.looking.lanes import lane_questions, scored, slot_of
-from app.opening import Opened, Opener, Opening, Plan, Unopened
-from app.panels.base import Choice, Page
+from app.letters import CanvasChanged, Closed, HandedOver, Item
+from app.looking.lanes import lane_questions
+from app.opening import Opened, Opening, Unopened
+from app.own_catalogue import OwnCatalogue
+from app.panels.base import Page
 from app.part_ids import whole_id
 from app.playing import Player
-from app.present import AttentionLook, ModelFacts, Moment, Tones
-from app.present.lane import LaneShown
+from app.present import Moment
 from app.questions import given_up, questions
 from app.scene.space import Space
 from app.showing import Showing, Shown
 from app.stage import Stage
 from app.studying import Found, Studying
-from app.view_state import Limits, ViewState, reduce
+from app.view_state import ViewState, reduce
 from app.wishes import Failed, Ready, Reply, Wish, Working
+
+if TYPE_CHECKING:
+    from etnet.playback.playback import CacheReport
 
 PUSH_INTERVAL = 1 / 12
 """Seconds between two pushes: a browser that is sent more shows less."""
@@ -50,56 +55,53 @@ GLANCE = 0.5
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class CanvasChanged:
-    """The canvas has another shape; the camera must be placed anew."""
-
-
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """The visitor has gone."""
-
-
-News = Reply | Found | LanePlanned | LaneReply | Opening | Opened | Unopened
-Item = ask.Intent | Hello | Resized | Shown | News | CanvasChanged | Closed
-
-
 class Session:
     """Made when a visitor connects, closed when he leaves."""
 
-    def __init__(self, client: viser.ClientHandle, catalogue: Catalogue, engine: Engine, default: ViewState) -> None:
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        catalogue: OwnCatalogue,
+        engine: Engine,
+        default: ViewState,
+        desk: Desk | None = None,
+    ) -> None:
+        """`desk` holds the files that he hands over; it is closed with the session."""
         self._client = client
+        self._desk = desk
+        self._default = default
         self._catalogue = catalogue
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
         self._mail: SimpleQueue[Item] = SimpleQueue()
         self._state = default
         self._keeper = Keeper(client, default)
-        self._opener = Opener(catalogue, self._mail.put)
+        self._held = Held(catalogue, self._mail.put)
         self._player = Player()
         self._answers = Answers()
         self._studying = Studying(engine, self._visitor, self._mail.put)
         self._comparing = Comparing(engine, catalogue, self._visitor, self._mail.put)
-        self._opened: Opened | None = None
-        self._refused: Plan | None = None
-        self._trouble = ""
         self._is_known = False
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
+        self._composer = Composer(catalogue, engine, self._answers, self._studying, self._comparing, self._held, desk)
         self.drawn: tuple[float, Page] | None = None
         """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
-        self._glanced_at = 0.0
-        self._cached: object = None
+        self._glanced_at = self._grown_at = 0.0
+        self._cached: CacheReport | None = None
         self._offer: object = None
         self._showing = Showing(client, catalogue, default)
-        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public)
+        ticket = "" if desk is None else desk.ticket
+        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public, ticket)
         self._arrange()
         self._stage = Stage(client, self._mail.put)
         self._watch_canvas()
+        if desk is not None:
+            desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
         self._thread = threading.Thread(target=self._run, daemon=True, name=self._visitor)
         self._thread.start()
 
@@ -121,6 +123,9 @@ class Session:
             self.drawn = None
             self._comparing.close()
             self._engine.drop(self._visitor)
+            self._catalogue.close()
+            if self._desk is not None:
+                self._desk.close()
 
     def _serve(self) -> None:
         began = time.monotonic()
@@ -164,6 +169,13 @@ class Session:
                 self._answer(item)
             case Resized() | CanvasChanged():
                 pass
+            case HandedOver(arrived):
+                if arrived:
+                    self._answer(Touched())
+                    self._has_asked = self._is_known = True
+                    self._reduce(ask.OpenRecording(arrived))
+            case RemoveFile(recording_id):
+                self._remove(recording_id)
             case Ready() | Working() | Failed():
                 self._is_dirty |= self._answers.take(item)
                 return
@@ -176,11 +188,12 @@ class Session:
             case LanePlanned() | LaneReply():
                 self._is_dirty |= self._comparing.take(item)
                 return
-            case Opening(plan, share):
-                if plan.recording_id == self._plan.recording_id and self._moment() is None:
-                    self._trouble = f"It is being opened: {share:.0%}."
-            case Opened() | Unopened():
-                self._settle(item)
+            case Opening() | Opened() | Unopened():
+                follows, trouble = self._held.take(item, self._state)
+                if trouble:
+                    self._notify("Cannot be shown", trouble)
+                for intent in follows:
+                    self._reduce(intent)
             case _:
                 self._has_asked = True
                 self._answer(Touched())
@@ -188,11 +201,20 @@ class Session:
                     self._reduce(item)
         self._is_dirty = True
 
+    def _remove(self, recording_id: str) -> None:
+        if self._desk is None:
+            return
+        if whole_id(self._state.recording_id) == recording_id:
+            self._reduce(ask.OpenRecording(self._default.recording_id))
+        self._desk.remove(recording_id)
+
     def _lead(self) -> None:
         """Go on with the show, where the page is in public and nobody has touched it."""
         is_up = self._moment() is not None and self._answers.ready is not None
         if (stretch := self._showing.lead(self._state, is_up)) is None:
             return
+        if self._desk is not None:
+            self._desk.clear()  # whoever brought it has gone
         self._state, intents = stretch
         self._arrange()
         for intent in intents:
@@ -226,50 +248,22 @@ class Session:
 
     def _reduce(self, intent: ask.Intent) -> None:
         before = self._state
-        self._state = reduce(before, intent, self._limits)
+        self._state = reduce(before, intent, self._held.limits(before))
         if _arrangement(self._state) != _arrangement(before):
             self._arrange()
-        if isinstance(intent, ask.ChooseCamera) and self._opened is not None:
-            self._stage.place(Space(self._opened.recording.sensor), self._state.camera, again=True)
+        sensor = self._held.limits(before).sensor
+        if isinstance(intent, ask.ChooseCamera) and sensor is not None:
+            self._stage.place(Space(sensor), self._state.camera, again=True)
 
     def _arrange(self) -> None:
         self._layout.arrange(*_arrangement(self._state))
 
-    def _settle(self, item: Opened | Unopened) -> None:
-        self._opener.heard(item.plan)
-        if item.plan != self._plan:
-            return
-        if isinstance(item, Opened):
-            self._opened, self._refused, self._trouble = item, None, ""
-            self._reduce(ask.KnowAs(item.recording_id))
-            self._reduce(ask.Settle(item.policy))
-            return
-        self._notify("Cannot be shown", item.message)
-        held = self._opened
-        if held is not None and held.plan.recording_id == item.plan.recording_id:
-            if held.policy == item.plan.policy:
-                self._refused = item.plan  # a part that could not become whole stays what it is
-            self._reduce(ask.ChoosePolicy(held.policy))  # the windows that worked
-        else:
-            self._opened, self._refused, self._trouble = None, item.plan, item.message
-
-    @property
-    def _limits(self) -> Limits:
-        held = self._opened
-        return held.limits if held is not None and held.recording_id == self._state.recording_id else Limits()
-
-    @property
-    def _plan(self) -> Plan:
-        return Plan(whole_id(self._state.recording_id), self._state.policy)
-
     def _advance(self) -> None:
         if not self._is_known:
             return
-        is_outgrown = self._opened is not None and self._opened.is_outgrown
-        if (self._moment() is None or is_outgrown) and self._plan != self._refused:
-            self._opener.want(self._plan)
+        self._held.want(self._state)
         self._lead()
-        due = self._player.due(self._state, self._limits, time.monotonic(), self._answers.index)
+        due = self._player.due(self._state, self._held.limits(self._state), time.monotonic(), self._answers.index)
         if due is not None:
             self._reduce(ask.PlayTo(due))
             self._is_dirty = True
@@ -290,9 +284,15 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
-        offer = self._catalogue.entries(), self._catalogue.growing(), self._opened and self._opened.share
+        offer = self._catalogue.entries(), self._catalogue.growing(), self._held.share
         self._is_dirty |= offer != self._offer
         self._offer = offer
+        if time.monotonic() - self._grown_at > GLANCE:
+            self._grown_at = time.monotonic()
+            has_grown, follows = self._held.grow(self._state)
+            self._is_dirty |= has_grown
+            if follows is not None:
+                self._reduce(follows)
         if self._answers.wish is not None and time.monotonic() - self._glanced_at > GLANCE:
             self._glanced_at = time.monotonic()
             cached = self._engine.cached(self._answers.wish)
@@ -303,7 +303,9 @@ class Session:
         moment = self._moment()
         if moment is not None:
             self._ask(moment)
-        page = self._page(moment)
+        page = self._composer.page(
+            self._state, moment, self._cached, self._is_moving() or self._state.is_playing, self._is_moving()
+        )
         self._layout.legend.tell(self._stage.show(page))
         self._layout.show(page)
         self._shown_index = self._state.index
@@ -311,10 +313,7 @@ class Session:
         self.drawn = time.monotonic(), page
 
     def _moment(self) -> Moment | None:
-        held, state = self._opened, self._state
-        if held is None or held.recording_id != state.recording_id or held.policy != state.policy:
-            return None
-        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
+        return self._held.moment(self._state)
 
     def _ask(self, moment: Moment) -> None:
         state = self._state
@@ -347,38 +346,9 @@ class Session:
         else:
             self._mail.put(reply)
 
-    def _page(self, moment: Moment | None) -> Page:
-        model = self._catalogue.model(self._state.model_id)
-        answers = self._answers
-        return Page(
-            self._state,
-            moment,
-            answers.ready if moment is not None else None,
-            answers.working,
-            answers.failed,
-            self._cached,  # pyright: ignore[reportArgumentType]  the engine's report is what the timeline draws
-            Tones.of(self._state, model.is_linear_light),
-            AttentionLook.of(self._state, model.is_linear_light),
-            ModelFacts(model.title, model.trained_band, model.card),
-            self._engine.status(answers.wish).step_milliseconds if answers.wish else None,
-            self._is_moving() or self._state.is_playing,
-            self._showing.recordings(self._state.recording_id),
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self._catalogue.models()),
-            self._trouble,
-            self._catalogue.growing(),
-            findings=self._studying.findings,
-            lanes=self._lanes(moment),
-            link=to_link(self._state, moment.window.t_stop) if moment is not None and not self._is_moving() else "",
-        )
-
     def _num_seen(self, wish: Wish) -> int:
         cached = self._engine.cached(wish)
         return 0 if cached is None else sum(len(part) for part in cached.frames)
-
-    def _lanes(self, moment: Moment | None) -> tuple[LaneShown, ...]:
-        findings = self._studying.findings
-        lanes = self._comparing.lanes(self._state, moment, self._answers)
-        return tuple(scored(lane, findings.get(slot_of("moment", lane))) for lane in lanes)
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)

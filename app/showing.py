@@ -10,14 +10,14 @@ import viser
 
 from app import intents as ask
 from app.attract import FORBIDDEN, Attract, Throttle, intents_of
-from app.catalogue import Catalogue, CatalogueError
+from app.catalogue import CatalogueError
 from app.channel import AskHelp, Copied, FollowLink, Touched
+from app.films import split_id
 from app.layout import close_modal, show_help
 from app.link import LinkError, from_link
 from app.looking.cutting import SLOT as CUT
 from app.looking.taking import SLOT, Made
-from app.panels.base import Choice
-from app.part_ids import whole_id
+from app.own_catalogue import OwnCatalogue
 from app.show_view import LeaveIt, PointAt
 from app.source_view import LeaveCut
 from app.studying import Found
@@ -35,7 +35,7 @@ _DONE: dict[str, ask.Intent] = {SLOT: LeaveIt(), CUT: LeaveCut()}
 class Showing:
     """Used by the visitor's thread, but for `hears`."""
 
-    def __init__(self, client: viser.ClientHandle, catalogue: Catalogue, default: ViewState) -> None:
+    def __init__(self, client: viser.ClientHandle, catalogue: OwnCatalogue, default: ViewState) -> None:
         self._client = client
         self._catalogue = catalogue
         self._default = default
@@ -80,7 +80,7 @@ class Showing:
         """A view that a browser kept, brought to what this catalogue holds; what was left out is said."""
         known = [entry.id for entry in self._catalogue.entries()]
         models = [entry.id for entry in self._catalogue.models()]
-        if recalled.recording_id not in known:
+        if split_id(recalled.recording_id)[0] not in known:
             recalled = reduce(recalled, ask.OpenRecording(next(iter(known), "")), Limits())
             refused = (*refused, "the recording")
         if recalled.model_id not in models:
@@ -88,13 +88,6 @@ class Showing:
         if refused:
             self._refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
         return recalled
-
-    def recordings(self, shown: str) -> tuple[Choice, ...]:
-        """What can be chosen; the one on show by the id of what of it is open."""
-        entries = self._catalogue.entries()
-        return tuple(
-            Choice(shown if whole_id(shown) == entry.id else entry.id, entry.title, entry.subtitle) for entry in entries
-        )
 
     def hand_over(self, found: Found) -> tuple[ask.Intent, ...]:
         """Let the browser save a file that is made; the order for it is done then."""

@@ -95,6 +95,12 @@ class StudyBook:
         for entry in dropped:
             _end(entry)
 
+    def forget(self, recording_id: str) -> None:
+        """Let go of every answer about a recording."""
+        with self._changed:
+            for study in [study for study in self._kept if study.wish.recording_id == recording_id]:
+                self._kept_bytes -= self._kept.pop(study)[1]
+
     @property
     def num_waiting(self) -> int:
         """Studies that are not whole yet."""

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from app.catalogue import ModelEntry
 from app.cleaned import cleaned_once
+from app.growth import grown_plan
+from app.offered_models import ModelEntry
 from app.wishes import Wish
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.windows import Window, from_window, plan_windows
+from etnet.windows import Window, from_window
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -108,6 +109,17 @@ class Stage:
             self.budget_bytes = share
         return self.branch[1], ORIGINAL
 
+    def grow(self, wish: Wish) -> None:
+        """Take in what a recording that is still being made has become."""
+        latest = self.playback.recording.latest
+        if latest is None or wish.cold_at or wish.index < len(self.windows):
+            return
+        recording = latest()
+        windows = grown_plan(recording, wish.policy, self.windows)
+        self.playback.grow(recording, windows)
+        if self.branch is not None:
+            self.branch[1].grow(recording, windows)
+
     @property
     def budget_bytes(self) -> int:
         """Bytes of the playback, and of its branch while there is one."""
@@ -180,6 +192,7 @@ class Studio:
             self._let_go(list(self._stages)[:-KEPT_PLAYBACKS])
             self._divide()
         self._stages.move_to_end(key)
+        self._stages[key].grow(wish)
         return self._stages[key]
 
     def held_stage(self, wish: Wish) -> Stage | None:
@@ -189,6 +202,10 @@ class Studio:
     def held_keys(self) -> frozenset[tuple[object, ...]]:
         """Which playbacks are kept, by `Wish.playback`."""
         return frozenset(self._stages)
+
+    def forget(self, recording_id: str) -> None:
+        """Let go of every playback of a recording."""
+        self._let_go([key for key in self._stages if key[0] == recording_id])
 
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""
@@ -212,7 +229,7 @@ class Studio:
 
         recording = self._library.open(wish.recording_id)
         recording = cleaned_once(recording, wish.cleaning)
-        windows = from_window(plan_windows(recording, wish.policy), wish.cold_at)
+        windows = from_window(grown_plan(recording, wish.policy), wish.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(wish.model_id, wish.precision)

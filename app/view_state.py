@@ -32,6 +32,8 @@ class Limits:
     windows: Sequence[Window] | None = None
     start: int = 0
     """Stamp of the recording's first event, µs: second 0 of the timeline."""
+    is_growing: bool = False
+    """More windows will come after the last one."""
 
     def clamp_index(self, index: int) -> int:
         """The nearest window that exists."""
@@ -130,12 +132,12 @@ def _reduce_playback(state: ViewState, intent: ask.Intent, limits: Limits) -> Vi
             return replace(state, index=limits.index_at(t), is_playing=False)
         case ask.TogglePlay():
             is_at_end = limits.windows is not None and state.index >= len(limits.windows) - 1
-            restarts = not state.is_playing and is_at_end
+            restarts = not state.is_playing and is_at_end and not limits.is_growing
             return replace(state, index=0 if restarts else state.index, is_playing=not state.is_playing)
         case ask.PlayTo(index):
             if not state.is_playing:
                 return state
-            if limits.windows is not None and index >= len(limits.windows):
+            if limits.windows is not None and index >= len(limits.windows) and not limits.is_growing:
                 return (
                     replace(state, index=0)
                     if state.loops
@@ -157,6 +159,11 @@ def _reduce_source(state: ViewState, intent: ask.Intent, limits: Limits) -> View
             fresh = {"inside": state.inside.anew(), "compare": state.compare.anew()}
             opened = replace(state, recording_id=recording_id, policy=None, **fresh)
             return replace(opened, index=0, moment=None, query=None, is_playing=False)
+        case ask.SeeAnew(recording_id):
+            shown = limits.windows[limits.clamp_index(state.index)] if limits.windows else None
+            moment = shown.t_stop if shown else state.moment
+            anew = replace(state, recording_id=recording_id, moment=moment, is_playing=False)
+            return replace(anew, inside=state.inside.anew(), compare=state.compare.anew())
         case ask.ChooseModel(model_id):
             return replace(state, model_id=model_id, inside=state.inside.anew())
         case ask.ChoosePrecision(precision):

@@ -116,6 +116,28 @@ def from_window(windows: Sequence[Window], first: int) -> Sequence[Window]:
     return _LaterPlan(windows, first)
 
 
+def grown_windows(recording: Recording, policy: Policy, until: int, former: Sequence[Window] = ()) -> Sequence[Window]:
+    """The windows of a recording that is still being made which nothing can change any more.
+
+    All events before `until` (µs) are there. `former`: this plan when the recording was shorter.
+    """
+    if isinstance(policy, BetweenFrames) and former:
+        truth = recording.ground_truth
+        assert truth is not None
+        stamps = [int(t) for t in truth.stamps[len(former) :]]
+        edges = [former[-1].stop, *(recording.index_at(t) for t in stamps[1:])]
+        more = (
+            Window(len(former) + i, edges[i], edges[i + 1], stamps[i], stamps[i + 1]) for i in range(len(stamps) - 1)
+        )
+        return (*former, *more)
+    windows = plan_windows(recording, policy)
+    length = len(windows)
+    waits = isinstance(policy, ByDuration)
+    while length and ((last := windows[length - 1]).is_partial or (waits and last.t_stop > until)):
+        length -= 1
+    return windows if length == len(windows) else _EarlierPlan(windows, length)
+
+
 class _Plan(Sequence[Window]):
     """Windows made on demand from their index."""
 
@@ -177,3 +199,12 @@ class _LaterPlan(_Plan):
 
     def _window(self, index: int) -> Window:
         return replace(self._windows[self._first + index], index=index)
+
+
+class _EarlierPlan(_Plan):
+    def __init__(self, windows: Sequence[Window], length: int) -> None:
+        super().__init__(length)
+        self._windows = windows
+
+    def _window(self, index: int) -> Window:
+        return self._windows[index]

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 
 import viser
 
+from app.desk import DeskShown
+from app.films import FilmShown
 from app.intents import Intent
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
@@ -59,6 +61,10 @@ class Page:
     """What is compared at this moment, the main lane first; empty while nothing is."""
     link: str = ""
     """The moment on show as a value for an address; empty while it moves."""
+    desk: DeskShown | None = None
+    """The files that this visitor handed over; `None` where nothing is taken."""
+    film: FilmShown | None = None
+    """How far the video on show is simulated; `None` for what is no video."""
 
 
 class Panel(Protocol):

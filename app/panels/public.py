@@ -7,9 +7,11 @@ from html import escape
 import viser
 
 from app.channel import ON_PICK
+from app.films import split_id
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
 from app.present import camera_frame_html, event_image_html, places_html
+from app.present.handing import public_handing_html
 from app.show_view import Act
 
 SAYINGS: dict[Act, tuple[str, str]] = {
@@ -91,12 +93,13 @@ def _bar(page: Page) -> str:
     if page.state.show.act != "none":
         return '<div class="etv-bar" data-testid="invitation"><b>Touch anything to try it yourself</b></div>'
     recordings = "".join(
-        f'<button class="etv-big{" etv-chosen" if choice.id == page.state.recording_id else ""}" '
+        f'<button class="etv-big{" etv-chosen" if choice.id == split_id(page.state.recording_id)[0] else ""}" '
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'
         for choice in page.recordings
     )
     inside = f'<button class="etv-big" data-k="workspace:attention" {ON_PICK}>Look inside the network</button>'
+    own = "" if page.desk is None else public_handing_html(page.desk)
     return (
         f'<div class="etv-bar" data-testid="yours"><span>{_YOURS}</span>'
-        f'<span class="etv-choices">{recordings}{inside}</span></div>'
+        f'<span class="etv-choices">{recordings}{inside}{own}</span></div>'
     )

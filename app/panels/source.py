@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from html import escape
 from typing import Any
 
@@ -9,11 +10,14 @@ import viser
 
 from app import intents as ask
 from app.channel import ON_PICK
+from app.films import CONTRASTS, NOISES, USUAL, film_id, split_id
 from app.looking.cutting import SLOT as CUT
 from app.looking.doctor import SLOT
 from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
 from app.present.examination import closed_html, doctor_html
 from app.present.excerpt import excerpt_html
+from app.present.film import film_html
+from app.present.handing import handing_html
 from app.studies import Finding
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
@@ -34,6 +38,12 @@ class Source:
         self._recordings: dict[str, str] = {}
         self._models: dict[str, str] = {}
         self._recording = gui.add_dropdown("Recording", ("–",))
+        self._handing = Html(gui)
+        low, high = CONTRASTS
+        self._contrast = gui.add_slider("Contrast threshold", low, high, 0.05, USUAL[0], visible=False)
+        self._noise = gui.add_slider("Sensor noise", *NOISES, 0.1, USUAL[1], visible=False)
+        self._film = Html(gui)
+        self._recording_id = ""
         self._kind = gui.add_dropdown("Windows by", KINDS)
         self._number = gui.add_number("Each holds", 0.35, min=0.0001)
         self._model = gui.add_dropdown("Network", ("–",))
@@ -43,6 +53,8 @@ class Source:
         self._doctor = Html(gui)
         arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
+        on_visitor(self._contrast, lambda contrast: self._seen(float(contrast), self._noise.value), dispatch)
+        on_visitor(self._noise, lambda noise: self._seen(self._contrast.value, float(noise)), dispatch)
         on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
         on_visitor(self._number, self._policy_with, dispatch)
         on_visitor(self._model, lambda title: _chosen(self._models.get(title)), dispatch)
@@ -50,13 +62,31 @@ class Source:
 
     def show(self, page: Page) -> None:
         """Let the widgets say what is open, and list what was noticed on opening it."""
-        _offer(self._recording, self._recordings, page.recordings, page.state.recording_id)
+        _offer(self._recording, self._recordings, page.recordings, split_id(page.state.recording_id)[0])
+        self._handing.show("" if page.desk is None else handing_html(page.desk, ON_PICK))
+        self._show_film(page)
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
         self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
         self._cut.show(_cut(page))
         self._doctor.show(_doctor(page))
+
+    def _seen(self, contrast: float, noise: float) -> ask.Intent | None:
+        """The same video under another setting."""
+        is_shown = self._recording_id and math.isfinite(contrast) and math.isfinite(noise)
+        return ask.SeeAnew(film_id(self._recording_id, contrast, noise)) if is_shown else None
+
+    def _show_film(self, page: Page) -> None:
+        film = page.film
+        self._recording_id = "" if film is None else page.state.recording_id
+        for slider in (self._contrast, self._noise):
+            if slider.visible != (film is not None):
+                slider.visible = film is not None
+        if film is not None:
+            assign(self._contrast, film.contrast)
+            assign(self._noise, film.noise)
+        self._film.show("" if film is None else film_html(film))
 
     def _policy_with(self, number: float) -> ask.Intent | None:
         return ask.ChoosePolicy(policy_of(self._kind.value, float(number))) if number > 0 else None

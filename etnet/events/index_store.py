@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int64
 
+BESIDE = ".etnet-indices"
+"""A folder of this name beside a file takes the file's indices: they go with the folder that they lie in."""
 MAX_FILES = 256
 """Indices kept; beyond it the ones that were written first go. The largest is a few megabytes."""
 
@@ -48,7 +50,9 @@ def index_path(file: Path, what: str) -> Path:
         for place in np.linspace(0, max(0, status.st_size - _SAMPLE_BYTES), _SAMPLES).astype(np.int64):
             stream.seek(int(place))
             digest.update(stream.read(_SAMPLE_BYTES))
-    return index_folder() / f"{digest.hexdigest()[:32]}.index"
+    beside = file.parent / BESIDE
+    folder = beside if beside.is_dir() else index_folder()
+    return folder / f"{digest.hexdigest()[:32]}.index"
 
 
 def load_index(path: Path) -> Arrays | None:

@@ -74,6 +74,11 @@ class Playback:
     def __len__(self) -> int:
         return len(self.windows)
 
+    def grow(self, recording: Recording, windows: Sequence[Window]) -> None:
+        """The recording is longer by now: `windows` are those from before, which are what they were, and more."""
+        if len(windows) > len(self.windows):
+            self.recording, self.windows = recording, windows
+
     def at(
         self,
         index: int,

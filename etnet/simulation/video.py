@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import h5py
@@ -80,8 +81,14 @@ def simulate_video(
     """
     part = out.with_name(out.name + ".part")
     try:
-        with closing(_Video(video, config)) as frames, h5py.File(part, "w", libver=("v110", "v110")) as file:
-            num_events = _write(file, frames, config, progress, is_cancelled)
+        num_events = 0
+        with closing(VideoFrames(video, config)) as frames, h5py.File(part, "w", libver=("v110", "v110")) as file:
+            for shown in simulated(file, frames, config):
+                num_events = shown.num_events
+                if is_cancelled is not None and is_cancelled():
+                    raise Cancelled("the simulation was stopped")
+                if progress is not None:
+                    progress(min((shown.frame + 1) / frames.num_frames, 1.0))
             file.attrs["source"] = f"simulated from {video.name}"
             file.attrs["contrast"], file.attrs["noise"], file.attrs["seed"] = config.contrast, config.noise, config.seed
         os.replace(part, out)
@@ -90,7 +97,7 @@ def simulate_video(
     return num_events
 
 
-class _Video:
+class VideoFrames:
     """A video's frames as light (linear, 0 … 1) with their stamps in µs."""
 
     def __init__(self, path: Path, config: VideoConfig) -> None:
@@ -135,19 +142,22 @@ def _light(grey: UInt8[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
     return (grey.astype(np.float32) / 255) ** np.float32(_GAMMA)
 
 
-def _write(
-    file: h5py.File,
-    frames: _Video,
-    config: VideoConfig,
-    progress: Callable[[float], None] | None,
-    is_cancelled: Callable[[], bool] | None,
-) -> int:
+class Shown(NamedTuple):
+    """What is in the file after one more frame (counted from 0): its stamp as the file has it (µs), all events."""
+
+    frame: int
+    stamp: int
+    num_events: int
+    last_event: int
+    """Stamp of the last event, µs; 0 before any."""
+
+
+def simulated(file: h5py.File, frames: VideoFrames, config: VideoConfig) -> Iterator[Shown]:
+    """Show frame after frame to the sensor and write it with its events; one of them is in memory at a time."""
     rng, traits, sink = np.random.default_rng(config.seed), config.traits, _EventSink(file, frames.sensor)
     pixels: PixelArray | None = None
     before, index = 0.0, 0
     for index, (t, grey) in enumerate(frames):
-        if is_cancelled is not None and is_cancelled():
-            raise Cancelled("the simulation was stopped")
         light = _light(grey)
         if pixels is None:
             pixels = PixelArray(light, t, traits, rng)
@@ -156,10 +166,8 @@ def _write(
             sink.append(events_of([pixels.expose(light, t), noise], frames.sensor))
         _write_frame(file, index, t, grey, sink.num_events)
         before = t
-        if progress is not None:
-            progress(min((index + 1) / frames.num_frames, 1.0))
+        yield Shown(index, int(np.floor(t)), sink.num_events, sink.last)
     sink.finish(index + 1)
-    return sink.num_events
 
 
 def _write_frame(file: h5py.File, index: int, t: float, grey: UInt8[np.ndarray, "h w"], num_events: int) -> None:
@@ -179,7 +187,7 @@ class _EventSink:
         self.num_events = 0
         self._file, self._sensor = file, sensor
         self._num_positive = 0
-        self._first, self._last = 0, 0
+        self._first, self.last = 0, 0
         for name, kind in (("xs", np.int16), ("ys", np.int16), ("ts", np.float64), ("ps", np.bool_)):
             file.create_dataset(
                 f"events/{name}", (0,), kind, maxshape=(None,), chunks=(CHUNK,), compression="gzip", shuffle=True
@@ -200,7 +208,7 @@ class _EventSink:
             held.resize((stop,))  # pyright: ignore[reportAttributeAccessIssue]
             held[start:stop] = column  # pyright: ignore[reportIndexIssue]
         self._first = int(events.t[0]) if start == 0 else self._first
-        self._last, self.num_events = int(events.t[-1]), stop
+        self.last, self.num_events = int(events.t[-1]), stop
         self._num_positive += int((events.p > 0).sum())
 
     def finish(self, num_frames: int) -> None:
@@ -208,7 +216,7 @@ class _EventSink:
         attributes = self._file.attrs
         attributes["num_events"] = self.num_events
         attributes["num_pos"], attributes["num_neg"] = self._num_positive, self.num_events - self._num_positive
-        attributes["t0"], attributes["tk"] = self._first * 1e-6, self._last * 1e-6
-        attributes["duration"] = (self._last - self._first) * 1e-6
+        attributes["t0"], attributes["tk"] = self._first * 1e-6, self.last * 1e-6
+        attributes["duration"] = (self.last - self._first) * 1e-6
         attributes["sensor_resolution"] = (self._sensor.height, self._sensor.width)
         attributes["num_imgs"], attributes["num_flow"] = num_frames, 0

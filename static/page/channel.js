@@ -127,7 +127,9 @@
   place();
   window.etnetHello();
   follow();
-  const tour = document.createElement("script");
-  tour.src = "/static/tour.js";
-  document.head.append(tour);
+  for (const name of ["tour", "upload"]) {
+    const script = document.createElement("script");
+    script.src = `/static/${name}.js`;
+    document.head.append(script);
+  }
 })();

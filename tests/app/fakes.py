@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from app.catalogue import ModelEntry
+from app.offered_models import ModelEntry
 from app.wishes import Failed, Ready, Wish, Working
 from etnet.errors import ModelError, RecordingError
 from etnet.events.events import Events, Sensor

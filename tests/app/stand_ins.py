@@ -13,10 +13,15 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
-from app.catalogue import CatalogueError, Entry, ModelEntry
+from app.catalogue import CatalogueError, Entry
 from app.engine import EngineStatus
+from app.films import Films
+from app.offered_models import ModelEntry
+from app.own_catalogue import OwnCatalogue
 from app.server import Address, free_port, start_server
 from app.session import Session
+from app.upload_door import PATH, UploadDoor
+from app.uploads import Uploads
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.errors import RecordingError
@@ -47,12 +52,26 @@ class Shelf:
 
     def __init__(self):
         self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
+        self.private = {}
+        self.films = Films()
+
+    def is_film(self, entry):
+        return False
+
+    def take_in(self, entry):
+        self.private[entry.id] = entry
+        self.recordings[entry.id] = recording(entry.title, seed=2)
+
+    def let_go(self, recording_id):
+        self.private.pop(recording_id)
+        self.recordings.pop(recording_id)
 
     def entries(self):
         return tuple(Entry(i, f"recording {i}", "data", "", None) for i in ("a", "b", "broken"))
 
     def entry(self, recording_id):
-        found = next((entry for entry in self.entries() if entry.id == recording_id), None)
+        listed = (*self.entries(), *self.private.values())
+        found = next((entry for entry in listed if entry.id == recording_id), None)
         if found is None:
             raise CatalogueError("no such recording")
         return found
@@ -127,22 +146,29 @@ class Served:
     engine: InstantEngine
     shelf: Shelf
     sessions: dict
+    uploads: Uploads | None = None
 
 
 @contextlib.contextmanager
-def served(view=lambda default: default, most_visitors=None):
+def served(view=lambda default: default, most_visitors=None, limits=None):
     shelf, engine, sessions = Shelf(), InstantEngine(), {}
     default = view(ViewState(recording_id="a", model_id="m", precision="fp32"))
 
+    uploads = None if limits is None else Uploads(limits, shelf.take_in, shelf.let_go)
+
     def visit(client):
-        sessions[client.client_id] = Session(client, shelf, engine, default)
+        desk = None if uploads is None else uploads.desk()
+        sessions[client.client_id] = Session(client, OwnCatalogue(shelf, desk), engine, default, desk)
         return sessions[client.client_id]
 
-    server = start_server(Address(), free_port("127.0.0.1", 18_600), visit, most_visitors)
+    doors = {} if uploads is None else {PATH: UploadDoor(uploads)}
+    server = start_server(Address(), free_port("127.0.0.1", 18_600), visit, most_visitors, doors)
     try:
-        yield Served(server.get_port(), engine, shelf, sessions)
+        yield Served(server.get_port(), engine, shelf, sessions, uploads)
     finally:
         server.stop()
+        if uploads is not None:
+            uploads.close()
 
 
 class Browser:

@@ -288,12 +288,12 @@ def test_the_command_line_is_the_configuration(tmp_path):
     assert config.budget_bytes == 1024 << 20
 
 
-def test_a_video_is_opened_as_an_event_sensor_sees_it_and_nothing_stays_on_the_disk(tmp_path):
+def test_a_part_of_a_video_is_opened_as_an_event_sensor_sees_it_and_nothing_stays_on_the_disk(tmp_path):
     video = tmp_path / "clip.mp4"
     with video_writer(video, 64, 48, 50.0) as append:
         for i in range(8):
             append(np.roll(np.tile(np.arange(0, 256, 4, dtype=np.uint8), (48, 1)), 2 * i, 1))
-    catalogue, told = Catalogue(ViewerConfig(data=tmp_path)), []
+    catalogue, told = Catalogue(ViewerConfig(data=tmp_path, roi="0,0,64,48")), []
     entry = next(entry for entry in catalogue.entries() if entry.title == "clip.mp4")
     recording = catalogue.open(entry.id, told.append)
     assert recording.num_events > 500
@@ -308,7 +308,7 @@ def test_a_video_is_opened_as_an_event_sensor_sees_it_and_nothing_stays_on_the_d
 
 
 def test_weights_are_known_by_the_mark_that_the_library_writes():
-    from app.catalogue import WEIGHTS_FORMAT
+    from app.offered_models import WEIGHTS_FORMAT
     from etnet.nets.weights import FORMAT
 
     assert WEIGHTS_FORMAT == FORMAT

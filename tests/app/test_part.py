@@ -65,7 +65,7 @@ def test_a_part_has_an_id_of_its_own_and_the_whole_follows_by_the_files(large, g
     assert_same_events(all_events(whole), events)
     assert_same_events(all_events(catalogue.open(part_id)), events[: part.num_events])
     with pytest.raises(CatalogueError, match=r"large\.raw"):
-        catalogue.open(f"{entry.id}~7")
+        catalogue.open(f"{entry.id}^7")
     catalogue.close()
 
 
@@ -110,7 +110,7 @@ def test_a_page_with_a_part_says_so_and_shows_the_whole_by_itself_at_the_same_wi
     with served() as running:
         running.shelf.open = lambda *_: whole if part.growth.is_over else part
         asked = asyncio.run(visit(running))
-    assert set(asked) == {"a~2500", "a"}
+    assert set(asked) == {"a^2500", "a"}
     assert asked == sorted(asked, reverse=True)  # nothing of the part is asked for once the whole is there
 
 
@@ -141,5 +141,5 @@ def test_a_plan_that_came_true_tells_how_far_its_file_is(growing):
     part, whole = growing
     plan, policy = Plan("a", None), ByCount(500)
     shown, all_of_it = (Opened(plan, policy, each, plan_windows(each, policy)) for each in (part, whole))
-    assert (shown.recording_id, shown.share, shown.is_outgrown) == ("a~2500", 0.41, False)
+    assert (shown.recording_id, shown.share, shown.is_outgrown) == ("a^2500", 0.41, False)
     assert (all_of_it.recording_id, all_of_it.share, all_of_it.is_outgrown) == ("a", None, False)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from app.catalogue import Catalogue, ModelEntry
+from app.catalogue import Catalogue
 from app.config import ViewerConfig
 from app.engine import Engine
 from app.looking import scores as looking
 from app.looking.fit import FitStudy
 from app.looking.scores import MomentScore, ProtocolRun, Strip
+from app.offered_models import ModelEntry
 from app.wishes import Ready, Wish
 from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
 from etnet.evaluation.metrics import sharpness

@@ -1,0 +1,222 @@
+"""Videos as films: one for each setting, made for as long as somebody looks, and never in anybody's way."""
+
+import time
+
+import pytest
+import torch
+
+from app.catalogue import Catalogue, CatalogueError
+from app.config import ViewerConfig
+from app.desk import MEGABYTE
+from app.films import KEPT, Films, FilmShown, film_id, split_id
+from app.growth import grown_plan
+from app.held import Held
+from app.intents import PlayTo, SeeAnew, Seek, Settle
+from app.opening import Opened, Opening, Unopened
+from app.own_catalogue import OwnCatalogue
+from app.present.film import film_html
+from app.uploads import UploadLimits, Uploads
+from app.view_state import Limits, ViewState, reduce
+from app.wishes import Wish
+from etnet.errors import EtnetError
+from etnet.playback.playback import Playback
+from etnet.simulation.growing import FEWEST_FRAMES
+from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.fakes import CountingModel, Shelf
+from tests.simulation.test_growing import stepped, video  # noqa: F401
+from tests.simulation.test_video import drifting, write
+
+
+@pytest.fixture
+def films(monkeypatch):
+    monkeypatch.setattr("app.films.QUIET", 0.01)
+    made = Films()
+    made.forgotten = []
+    made.forget = made.forgotten.append
+    yield made
+    made.close()
+
+
+def until(condition):
+    ends = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        ("data-ab12", ("data-ab12", (0.2, 0.2))),
+        ("data-ab12~0.35~1.50", ("data-ab12", (0.35, 1.5))),
+        ("data-ab12~9.99~1.50", ("data-ab12~9.99~1.50", (0.2, 0.2))),
+        ("data-ab12~0.35", ("data-ab12~0.35", (0.2, 0.2))),
+        ("~0.35~nan", ("~0.35~nan", (0.2, 0.2))),
+    ],
+)
+def test_a_setting_is_part_of_the_id_and_one_that_is_not_offered_is_none(given, parts):
+    assert split_id(given) == parts
+
+
+def test_a_setting_replaces_the_former_one_and_is_brought_to_what_is_offered():
+    assert film_id("data-ab12~0.35~1.50", 0.5, 0.0) == "data-ab12~0.50~0.00"
+    assert film_id("data-ab12", 99.0, -1.0) == "data-ab12~1.00~0.00"
+
+
+def test_a_film_is_one_for_all_who_look_and_ends_with_the_last(films, video):  # noqa: F811
+    films.begin("one", "v", video, "drift")
+    films.begin("other", "v", video, "drift")
+    assert films.open("v").name == "drift"
+    films.watch("one", None)
+    assert films.shown("v") is not None
+    until(lambda: films.shown("v").is_over)
+    path = films._films["v"].path
+    assert path.exists()
+    films.close()
+    assert not path.exists()
+    assert films.forgotten == ["v"]
+
+
+def test_another_setting_ends_the_simulation_before_it(films, tmp_path, monkeypatch):
+    monkeypatch.setattr("app.films.QUIET", 30.0)
+    path = write(tmp_path / "clip.mp4", drifting(6))
+    films.begin("one", "v", path, "clip")
+    first = films._films["v"]
+    films.begin("one", "v~0.50~0.20", path, "clip")
+    assert list(films._films) == ["v~0.50~0.20"]
+    assert first.cancelled.is_set()
+    assert films.forgotten == ["v"]
+    with pytest.raises(EtnetError):
+        films.open("v")
+
+
+def test_of_whole_films_that_nobody_looks_at_a_few_are_kept(films, video):  # noqa: F811
+    for number in range(KEPT + 2):
+        films.begin("one", f"v~0.{number + 2}0~0.20", video, "drift")
+        films.open(f"v~0.{number + 2}0~0.20")
+        until(lambda: films.shown(f"v~0.{number + 2}0~0.20").is_over)  # noqa: B023
+    films.watch("one", None)
+    assert len(films._films) == KEPT
+    assert films.forgotten == ["v~0.20~0.20", "v~0.30~0.20"]
+
+
+def test_a_playback_that_has_grown_gives_what_one_of_the_whole_gives(stepped):  # noqa: F811
+    growing, go_on = stepped
+    go_on(FEWEST_FRAMES)
+    shelf = Shelf(recordings={"r": growing.wait(lambda: False)})
+    from app.studio import Studio
+
+    studio = Studio(shelf, 64 * MEGABYTE, "cpu", None, shelf.load)
+    asked = Wish("r", "m", "fp32", BetweenFrames(), 1)
+    early = studio.stage(asked).playback.at(1).frame
+    before = len(studio.stage(asked).windows)
+    go_on(6)
+    later = Wish("r", "m", "fp32", BetweenFrames(), before + 3)
+    stage = studio.stage(later)
+    assert len(stage.windows) == before + 6
+    frame = stage.playback.at(before + 3).frame
+    whole = Playback(CountingModel(), growing.recording(), plan_windows(growing.recording(), BetweenFrames()))
+    assert torch.equal(frame, whole.at(before + 3).frame)
+    assert torch.equal(early, whole.at(1).frame)
+
+
+def test_a_page_goes_on_to_the_moment_that_was_asked_for_as_it_is_made(stepped):  # noqa: F811
+    growing, go_on = stepped
+    go_on(FEWEST_FRAMES)
+    posted = []
+    held = Held(Watched(), posted.append)
+    recording = growing.wait(lambda: False)
+    policy = BetweenFrames()
+    stamp = 8 * 20_000
+    state = ViewState("v", "m", policy=policy, moment=stamp)
+    from app.opening import Plan
+
+    plan = Plan("v", policy)
+    opened = Opened(plan, policy, recording, grown_plan(recording, policy))
+    follows, trouble = held.take(opened, state)
+    assert (follows, trouble) == ((KnowAs("v"), Settle(policy)), "")
+    for intent in follows:
+        state = reduce(state, intent, held.limits(state))
+    assert state.index == len(opened.windows) - 1
+    assert held.limits(state).is_growing
+    assert held.grow(state) == (False, None)
+    go_on(2)
+    has_grown, follows = held.grow(state)
+    assert has_grown
+    state = reduce(state, follows, held.limits(state))
+    assert state.index == len(opened.windows) + 1
+    go_on(8)
+    _, follows = held.grow(state)
+    state = reduce(state, follows, held.limits(state))
+    assert held.moment(state).window.t_stop == stamp
+    go_on(2)
+    assert held.grow(state) == (True, None)
+
+
+class Watched:
+    def looks_at(self, recording_id):
+        raise AssertionError("it is open")
+
+
+def test_playing_waits_at_the_end_of_what_is_made_and_does_not_start_over():
+    windows = plan_windows(Shelf().recordings["r"], ByCount(50))
+    state = ViewState("v", "m", policy=ByCount(50), index=39, is_playing=True)
+    growing = Limits(None, windows, 0, is_growing=True)
+    assert reduce(state, PlayTo(40), growing) == state
+    assert reduce(state, PlayTo(40), Limits(None, windows, 0)).index == 0
+
+
+def test_another_setting_keeps_the_moment():
+    windows = plan_windows(Shelf().recordings["r"], ByCount(50))
+    limits = Limits(None, windows, 0)
+    state = reduce(ViewState("v", "m", policy=ByCount(50)), Seek(7), limits)
+    anew = reduce(state, SeeAnew("v~0.50~0.20"), limits)
+    assert anew.recording_id == "v~0.50~0.20"
+    assert anew.moment == windows[7].t_stop
+    assert reduce(anew, Settle(ByCount(50)), limits).index == 7
+
+
+def test_a_handed_over_video_is_its_visitors_alone_and_its_films_go_with_it(video, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("app.films.QUIET", 0.01)
+    catalogue = Catalogue(ViewerConfig())
+    uploads = Uploads(UploadLimits.of_megabytes(16), catalogue.take_in, catalogue.let_go)
+    desk = uploads.desk()
+    content = video.read_bytes()
+    transfer = desk.begin("holiday.mp4", len(content))
+    transfer.take(content)
+    arrived = transfer.finish()
+    own, other = OwnCatalogue(catalogue, desk), OwnCatalogue(catalogue, uploads.desk())
+    anew = film_id(arrived, 0.4, 0.0)
+    for one in (arrived, anew):
+        with pytest.raises(CatalogueError):
+            other.open(one)
+        other.looks_at(one)
+    assert catalogue.films._films == {}
+    own.looks_at(anew)
+    assert own.open(anew).name == "holiday.mp4"
+    assert own.film(anew).contrast == 0.4
+    path = catalogue.films._films[anew].path
+    own.close()
+    desk.close()
+    assert catalogue.films._films == {}
+    assert not path.exists()
+    uploads.close()
+    catalogue.close()
+
+
+def test_the_delay_is_said_in_one_line():
+    html = film_html(FilmShown(0.2, 0.2, done=3.0, total=12.0, work=1.5, is_over=False))
+    assert "3.0 of 12.0 s" in html
+    assert "A second of video takes 1.5 s of work here" in html
+    assert "the last 9.0 s take about 14 s more" in html
+    assert "all of its 12.0 s are there" in film_html(FilmShown(0.2, 0.2, 12.0, 12.0, 1.5, True))
+
+
+def test_letters_of_another_recording_change_nothing():
+    held = Held(Watched(), print)
+    state = ViewState("v", "m")
+    from app.opening import Plan
+
+    for letter in (Opening(Plan("w", None), 0.5), Unopened(Plan("w", None), "no")):
+        assert held.take(letter, state) == ((), "")
+        assert held.trouble == ""

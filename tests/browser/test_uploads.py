@@ -1,0 +1,130 @@
+"""A visitor's own files in a real browser: up, on show, and gone with him."""
+
+import base64
+
+import numpy as np
+import pytest
+
+from app.config import ViewerConfig
+from app.main import Viewer
+from etnet.events.open import open_recording
+from etnet.events.write import write_recording
+from tests.app.stand_ins import recording
+from tests.browser.chromium import open_page, until_window
+
+
+@pytest.fixture(scope="module")
+def small_viewer(browser):
+    running = Viewer(ViewerConfig(port=0, precision="fp32", budget=128, threads=1, uploads=1, roi="0,0,40,30"))
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def own_page(browser, small_viewer):
+    opened = open_page(browser, small_viewer.url)
+    yield opened
+    assert opened.errors == []
+    opened.context.close()
+
+
+@pytest.fixture
+def mine(tmp_path):
+    """A small real recording with frames, written by the project's own writer."""
+    path = tmp_path / "my <b>street</b>".replace("/", "")
+    path = path.with_name(f"{path.name}.h5")
+    write_recording(recording(), path)
+    assert open_recording(path).num_events == 6000
+    return path
+
+
+def choose(page, files):
+    page.get_by_role("tab", name="Recording").click()
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Open a file of yours").click()
+    chooser.value.set_files(files)
+
+
+def lies_there(viewer):
+    folder = viewer.uploads._folder
+    return folder is not None and any(path.is_file() and path.name != ".held" for path in folder.path.rglob("*"))
+
+
+def until(page, condition):
+    for _ in range(100):
+        if condition():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("it did not come about")
+
+
+def test_a_file_goes_up_shows_scrubs_and_is_gone_when_its_visitor_is(browser, small_viewer, own_page, mine):
+    page = own_page
+    choose(page, mine)
+    page.get_by_test_id("facts").get_by_text("6,000").wait_for()
+    page.get_by_test_id("handing").get_by_text("my <b>street<b>.h5").wait_for()
+    until_window(page, 15)
+    page.locator("body").press("l")
+    until_window(page, 16)
+    page.get_by_test_id("camera").first.wait_for()
+    assert lies_there(small_viewer)
+    assert page.errors == []
+    page.context.close()
+    other = open_page(browser, small_viewer.url)
+    until(other, lambda: not lies_there(small_viewer))
+    assert small_viewer.catalogue._private == {}
+    assert not any("upload-" in str(key) for key in small_viewer.engine._studio._stages)
+    assert "street" not in other.content()
+    other.context.close()
+
+
+def test_a_file_may_be_dropped_anywhere_and_removed(own_page, small_viewer, mine):
+    until_window(own_page, 20)
+    content = base64.b64encode(mine.read_bytes()).decode()
+    data = own_page.evaluate_handle(
+        """content => {
+            const data = new DataTransfer();
+            const bytes = Uint8Array.from(atob(content), sign => sign.charCodeAt(0));
+            data.items.add(new File([bytes], "dropped.h5"));
+            return data;
+        }""",
+        content,
+    )
+    own_page.dispatch_event("body", "dragover", {"dataTransfer": data})
+    own_page.get_by_text("Let go to open it here").wait_for()
+    own_page.dispatch_event("body", "drop", {"dataTransfer": data})
+    until_window(own_page, 15)
+    own_page.get_by_role("tab", name="Recording").click()
+    own_page.get_by_test_id("handing").get_by_text("dropped.h5").wait_for()
+    own_page.get_by_role("button", name="Remove").click()
+    until_window(own_page, 20)
+    until(own_page, lambda: not lies_there(small_viewer))
+
+
+def test_a_file_that_is_too_large_is_refused_in_one_line(own_page, small_viewer, tmp_path):
+    large = tmp_path / "night drive.raw"
+    large.write_bytes(np.random.default_rng(0).bytes((1 << 20) + 1))
+    choose(own_page, large)
+    told = own_page.get_by_test_id("refused")
+    told.get_by_text("night drive.raw: 1.1 MB, this viewer takes 1 MB").wait_for()
+    assert "--data FOLDER" in told.inner_text()
+    assert not lies_there(small_viewer)
+
+
+def test_what_is_sent_beyond_the_declared_size_is_cut_off(own_page, small_viewer):
+    told = own_page.evaluate(
+        """() => new Promise(end => {
+            const ticket = document.querySelector("[data-etv-ticket]").dataset.etvTicket;
+            const socket = new WebSocket(`ws://${location.host}/upload`);
+            socket.onopen = () => socket.send(JSON.stringify({ticket, name: "liar.raw", size: 1000}));
+            socket.onmessage = event => {
+                const said = JSON.parse(event.data);
+                if (said.go) socket.send(new Uint8Array(5000));
+                if (said.refused) end(said.refused);
+            };
+        })"""
+    )
+    assert "more came than the 1,000 bytes" in told
+    own_page.get_by_role("tab", name="Recording").click()
+    own_page.get_by_test_id("refused").get_by_text("liar.raw: more came").wait_for()
+    assert not lies_there(small_viewer)
