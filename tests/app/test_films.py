@@ -11,7 +11,7 @@ from app.desk import MEGABYTE
 from app.films import KEPT, Films, FilmShown, film_id, split_id
 from app.growth import grown_plan
 from app.held import Held
-from app.intents import PlayTo, SeeAnew, Seek, Settle
+from app.intents import KnowAs, PlayTo, SeeAnew, Seek, Settle
 from app.opening import Opened, Opening, Unopened
 from app.own_catalogue import OwnCatalogue
 from app.present.film import film_html
