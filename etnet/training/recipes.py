@@ -43,12 +43,15 @@ PAPER = TrainConfig(
 
 HALF = TrainConfig(
     out=Path("runs/half"),
-    network=replace(network_preset("etnet-half"), positions="grid", scales_logits=True, dropout=0.0, deepest_skip=1),
+    network=replace(
+        network_preset("etnet-half"), heads=4, positions="grid", scales_logits=True, dropout=0.0, deepest_skip=1
+    ),
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
-    data=DataConfig(scene=SceneConfig(smooth_share=0.3)),
-    loss=LossConfig(context=1.0),
-    optimiser=OptimiserConfig(learning_rate=4e-4, schedule="trapezoid", warm_up=150),
+    data=DataConfig(scene=SceneConfig(smooth_share=0.15)),
+    context=ContextConfig(skip_drop=0.85, skip_drop_end=0.2, skip_drop_updates=1500, blind_share=0.1),
+    loss=LossConfig(context=1.0, alive=0.2),
+    optimiser=OptimiserConfig(kind="muon", learning_rate=1e-3, schedule="trapezoid", warm_up=50),
 )
 """Half width, for two cores. `docs/training.md` has the reasons for every number."""
 
