@@ -11,6 +11,7 @@ from app.crew import CREW
 from app.growth import grown_plan
 from app.own_catalogue import OwnCatalogue
 from app.part_ids import known_as
+from app.present import Moment, curve_of
 from app.view_state import Limits
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
@@ -100,7 +101,10 @@ class Opener:
             if len(windows) == 0:
                 self._tell(Unopened(plan, f"{recording.name}: holds no events, so there is nothing to show"))
             else:
-                self._tell(Opened(plan, policy, recording, windows))
+                opened = Opened(plan, policy, recording, windows)
+                # Of a large file it takes seconds: here, where nobody waits for it but who waits for the file.
+                curve_of(Moment(opened.recording_id, policy, 0, recording, windows))
+                self._tell(opened)
         except EtnetError as error:
             self._tell(Unopened(plan, str(error)))
 

@@ -19,7 +19,7 @@ from app.present.pictures import (
 )
 from app.present.provenance import ModelFacts, provenance_html
 from app.present.style import STYLE
-from app.present.timeline import now_html, timeline_html, timeline_key_html
+from app.present.timeline import curve_of, now_html, timeline_html, timeline_key_html
 from app.present.voxels import voxel_html
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "attention_image",
     "camera_frame_html",
     "camera_image",
+    "curve_of",
     "event_cloud",
     "event_image_html",
     "event_picture",

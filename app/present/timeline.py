@@ -87,8 +87,8 @@ def _so_far(moment: Moment) -> str:
     growth = moment.recording.growth
     if growth is None:
         return ""
-    indexed = f"{of_whole(growth.share)} of the file indexed, the rest follows by itself"
-    return f'<span class="et-warning" data-testid="so-far"> · only its beginning so far: {indexed}</span>'
+    indexed = f"{of_whole(growth.share)} of the file indexed, more follows"
+    return f'<span class="et-so-far et-warning"> · only its beginning: {indexed}</span>'
 
 
 def _background(moment: Moment, curve: RateCurve, num: int) -> str:

@@ -29,7 +29,8 @@ def seconds(value: float, digits: int = 3) -> str:
     if value < 60:
         return f"{value:.{digits}f} s"
     minutes, rest = divmod(value, 60)
-    return f"{int(minutes)} min {rest:0{digits + 3}.{digits}f} s"
+    width = digits + 3 if digits else 2
+    return f"{int(minutes)} min {rest:0{width}.{digits}f} s"
 
 
 def milliseconds(value: float) -> str:

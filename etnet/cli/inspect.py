@@ -79,12 +79,9 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
     ]
     if found.frames is not None:
         frames = found.frames
-        rows.append(
-            (
-                "frames",
-                f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second",
-            )
-        )
+        size = f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second"
+        since = f"the first {frames.first_after_first_event:+,} µs from the first event"
+        rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
     rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
     return rows
 

@@ -14,7 +14,7 @@ from etnet.events.events import Events
 from etnet.events.formats.base import HEAD_BYTES, Request, contained
 from etnet.events.formats.store import FolderStore, ZipStore
 from etnet.events.formats.table import FORMATS, choose
-from etnet.events.recording import Bracketing, EventSource, Recording
+from etnet.events.recording import Bracketing, EventSource, Recording, Remark
 from etnet.events.view import WHOLE_VIEW, View, seen_through
 
 __all__ = ["Assumptions", "View", "open_recording"]
@@ -76,12 +76,17 @@ def open_recording(
         source=_OwningSource(opened.source, kept),
         sensor=opened.sensor,
         span=opened.span,
-        remarks=opened.remarks,
+        remarks=opened.remarks + _stated_polarity(assume),
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
         growth=opened.growth,
     )
+
+
+def _stated_polarity(assume: Assumptions) -> tuple[Remark, ...]:
+    said = {"inverted": "ON and OFF are swapped, as stated", "positive": "every polarity above 0 is ON, as stated"}
+    return (Remark("assumed", said[assume.polarity]),) if assume.polarity in said else ()
 
 
 def _request(path: Path, assume: Assumptions, progress: Progress, resources: ExitStack, scratch: Scratch) -> Request:

@@ -3,13 +3,15 @@
 import asyncio
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from app.catalogue import Catalogue, CatalogueError
 from app.config import ViewerConfig
-from app.opening import Opened, Plan
+from app.opening import Opened, Opener, Plan
 from app.part_ids import known_as, whole_id
+from app.present import Moment, curve_of
 from etnet.events.formats import prophesee, raw_index
 from etnet.events.formats.evt_words import EVT
 from etnet.events.recording import Growth, recording_of_events
@@ -95,14 +97,14 @@ def test_a_page_with_a_part_says_so_and_shows_the_whole_by_itself_at_the_same_wi
 
     async def visit(running):
         async with Browser.open(running.port) as browser:
-            await browser.until_shown("only its beginning so far: 41 % of the file indexed")
+            await browser.until_shown("only its beginning: 41 % of the file indexed")
             await browser.use(browser.widget("Window"), 3)
             await browser.until_shown("window 3 of 6")
             part.growth.share = 0.73
             await browser.until_shown("73 % of the file indexed")
             part.growth.share, part.growth.is_over = 1.0, True
             await browser.until_shown("window 3 of 15")
-            assert "so far" not in browser.html()
+            assert "only its beginning" not in browser.html()
             assert browser.widgets[browser.widget("Recording")]["value"] == "recording a"
             await browser.until_shown("Reconstruction of window 3")
             return [wish.recording_id for _, wish in running.engine.wishes]
@@ -124,7 +126,7 @@ def test_a_part_that_cannot_become_whole_stays_and_is_told_once(growing):
 
     async def visit(running):
         async with Browser.open(running.port) as browser:
-            await browser.until_shown("only its beginning so far")
+            await browser.until_shown("only its beginning")
             part.growth.is_over = True
             await browser.until(lambda: browser.notices != [])
             await browser.use(browser.widget("Window"), 2)
@@ -135,6 +137,20 @@ def test_a_part_that_cannot_become_whole_stays_and_is_told_once(growing):
     with served() as running:
         running.shelf.open = opens
         assert asyncio.run(visit(running)) == ["large.raw: it went away"]
+
+
+def test_the_curve_of_a_file_is_there_when_the_page_hears_that_it_is_open(growing):
+    _, whole = growing
+    told, reads = [], []
+    source = replace(whole.source)
+    whole = replace(whole, source=SimpleNamespace(num_events=source.num_events, read=source.read, close=source.close))
+    opener = Opener(SimpleNamespace(open=lambda *_: whole), told.append)
+    opener.want(Plan("curve", ByCount(100)))
+    wait_for(lambda: any(isinstance(each, Opened) for each in told))
+    (opened,) = (each for each in told if isinstance(each, Opened))
+    whole.source.read = lambda start, stop: reads.append((start, stop)) or source.read(start, stop)
+    curve_of(Moment(opened.recording_id, opened.policy, 3, whole, opened.windows))
+    assert reads == []
 
 
 def test_a_plan_that_came_true_tells_how_far_its_file_is(growing):

@@ -5,6 +5,7 @@ import pytest
 
 from app import present
 from app.inside_view import InsideView
+from app.present.words import seconds
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.events.events import Events, Sensor
@@ -299,3 +300,11 @@ def test_looks_follow_the_view_state():
     assert (look.query, look.head, look.opacity, look.map_range) == ((3, 4), 2, 0.5, "per map")
     assert look.tones == present.Tones("robust", False)
     assert present.AttentionLook.of(ViewState(), True) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "words"),
+    [(59.5, 1, "59.5 s"), (100, 0, "1 min 40 s"), (62.5, 1, "1 min 02.5 s"), (150, 2, "2 min 30.00 s")],
+)
+def test_long_times_are_told_in_minutes_and_seconds_of_two_digits(value, digits, words):
+    assert seconds(value, digits) == words

@@ -40,8 +40,18 @@ def test_every_usual_polarity_coding_becomes_plus_and_minus_one(coding, tmp_path
         "float": events.p.astype(float),
     }
     path = save(tmp_path / "a.npz", **columns_of(events) | {"p": stored[coding]})
+    called = {"0/1": "0/1", "bool": "as booleans", "±1": "−1/+1", "float": "−1/+1"}
     with open_recording(path) as recording:
         np.testing.assert_array_equal(all_events(recording).p, events.p)
+        assert f"detected: polarity is coded {called[coding]}" in said(recording)
+
+
+@pytest.mark.parametrize(("row", "coding"), [("0.1 1 2 -1\n0.2 3 4 1\n", "−1/+1"), ("0.1 1 2 0\n0.2 3 4 1\n", "0/1")])
+def test_the_polarity_coding_of_text_is_told(row, coding, tmp_path):
+    (tmp_path / "a.txt").write_text(row)
+    with open_recording(tmp_path / "a.txt") as recording:
+        assert f"detected: polarity is coded {coding}" in said(recording)
+        assert all_events(recording).p.tolist() == [-1, 1]
 
 
 def test_an_unusual_polarity_coding_is_refused_and_can_be_allowed(tmp_path):
@@ -51,9 +61,11 @@ def test_an_unusual_polarity_coding_is_refused_and_can_be_allowed(tmp_path):
         all_events(recording)
     with open_recording(path, assume=Assumptions(polarity="positive")) as recording:
         np.testing.assert_array_equal(all_events(recording).p, np.where(np.arange(100) % 4, 1, -1))
+        assert "assumed: every polarity above 0 is ON, as stated" in said(recording)
     path = save(tmp_path / "b.npz", **columns_of(events))
     with open_recording(path, assume=Assumptions(polarity="inverted")) as recording:
         np.testing.assert_array_equal(all_events(recording).p, -events.p)
+        assert "assumed: ON and OFF are swapped, as stated" in said(recording)
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1e-6), ("ms", 1e-3), ("us", 1), ("ns", 1000)])

@@ -34,6 +34,7 @@ class _Other:
 
     samples: Samples
     num_external: int = 0
+    num_turns: int = 0
 
 
 def header_end(block: bytes) -> int:
@@ -72,6 +73,8 @@ def _open(request: Request) -> Opened:
     truth, inertial = other.samples.truth(remarks), other.samples.motion.inertial(remarks)
     if inertial is not None:
         remarks.assumed("motion is scaled for ±4 g and ±500 °/s, jAER's usual ranges")
+    if other.num_turns > 0:
+        remarks.repaired(f"the clock begins anew {other.num_turns} times (every 71.6 minutes) and was unrolled")
     if other.num_external:
         remarks.detected(f"{other.num_external} external triggers, which are not read further")
     kept = tuple(remarks.kept)
@@ -98,7 +101,7 @@ def _pieces(words: np.ndarray, sensor: Sensor, other: _Other) -> Iterator[Decode
         block = words[start : start + _BLOCK]
         address, stamps = block[:, 0].astype(np.int64), block[:, 1].astype(np.int64)
         t, turns = unrolled(stamps, _PERIOD, last, turns)
-        last = int(stamps[-1])
+        last, other.num_turns = int(stamps[-1]), turns
         fraction = min(1.0, (start + _BLOCK) / len(words))
         if sensor == _DVS128:
             is_event = (address >> 15) == 0

@@ -18,6 +18,7 @@ from etnet.events.formats.columns import (
     deduced_sensor,
     is_ordered,
     pixel_column,
+    say_coding,
     signed_polarity,
 )
 from etnet.events.recording import EventSource, Growth, Span
@@ -102,8 +103,10 @@ def collect(request: Request, pieces: Iterable[Decoded], declared: Sensor | None
     """Decode all pieces into the cache. `declared` is the sensor as the file has it; a stated one wins over it."""
     cache = EventCache(request.scratch)
     sensor = stated_sensor(request, declared, remarks)
-    order, stray = _Order(), _Stray()
+    order, stray, lowest = _Order(), _Stray(), 2
     for whole in pieces:
+        if whole.p.dtype.kind in "iu":
+            lowest = min(lowest, int(whole.p.min(initial=2)))
         for piece in _parts(whole, cache.capacity):
             columns = cache.room(len(piece.t))
             ordered = _fill(columns, piece, request, cache.num_events)
@@ -116,6 +119,8 @@ def collect(request: Request, pieces: Iterable[Decoded], declared: Sensor | None
         if cache.num_events == 0:
             raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
         sensor = deduced_sensor(stray.reach_x, stray.reach_y, request.name, remarks)
+    if lowest < 2 and request.assume.polarity != "positive":
+        say_coding(lowest, False, remarks)
     _judge_outside(stray, cache.num_events, sensor, request, remarks)
     columns = _ordered(cache, order, request, remarks)
     request.progress(1.0)

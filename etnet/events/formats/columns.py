@@ -119,6 +119,12 @@ def signed_polarity(
     return signs
 
 
+def say_coding(lowest: float, is_bool: bool, remarks: Remarks) -> None:
+    """How a file writes polarity, by the lowest value that was seen; nothing where a reader told of it already."""
+    if not any("polarity" in remark.text for remark in remarks.kept):
+        remarks.detected(f"polarity is coded {'as booleans' if is_bool else '−1/+1' if lowest < 0 else '0/1'}")
+
+
 def _check_coding(values: Shaped[np.ndarray, " n"], name: str) -> None:
     low, high = values.min(), values.max()
     if (low in (0, 1) and high in (0, 1)) or (low == -1 and high in (-1, 1)):

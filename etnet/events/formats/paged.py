@@ -12,7 +12,7 @@ from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
-from etnet.events.formats.columns import deduced_sensor, is_ordered, pixel_column, signed_polarity
+from etnet.events.formats.columns import deduced_sensor, is_ordered, pixel_column, say_coding, signed_polarity
 from etnet.events.formats.stamp_index import StampIndex
 from etnet.events.recording import Span
 
@@ -89,6 +89,9 @@ def paged(
     else:
         places = _places(num_events, _FEW_PROBES)
         _check_probes([(start, only_stamps(start, stop)) for start, stop in places], request.name)
+    coded = read_columns(0, min(num_events, _PROBE)).p
+    if coded.dtype.kind in "biuf" and coded.min() >= -1 and coded.max() <= 1:  # any other coding is refused on reading
+        say_coding(float(coded.min()), coded.dtype.kind == "b", remarks)
     span = Span(int(only_stamps(0, 1)[0]), int(only_stamps(num_events - 1, num_events)[0]))
     lock = Lock()
     stamps = None

@@ -122,6 +122,7 @@ def test_a_32_bit_clock_that_begins_anew_goes_on(tmp_path):
     for name in ("a.dat", "a.aedat"):
         with open_recording(tmp_path / name) as recording:
             np.testing.assert_array_equal(all_events(recording).t, t)
+            assert any("every 71.6 minutes" in remark.text for remark in recording.remarks)
 
 
 def test_npy_tables_tell_their_columns_by_their_values(tmp_path):
