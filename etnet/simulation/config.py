@@ -35,6 +35,8 @@ class SensorConfig:
     threshold_core_share: float = 0.85
     balance: Literal["log-normal", "normal"] = "log-normal"
     balance_sigma: float = 0.25
+    balance_center: float = 1.0
+    """What C_p / C_n is drawn around."""
     mismatch: Range = (0.0, 0.08)
     """Standard deviation of each pixel's thresholds around the sensor's, as a share of them."""
     refractory_us: Range = (100.0, 3_000.0)
@@ -60,6 +62,8 @@ class SensorConfig:
         check_range("hot_share", self.hot_share, 0.0, 1.0)
         check_range("dark", self.dark, 1e-4, 1.0)
         check_share("threshold_core_share", self.threshold_core_share)
+        if not self.balance_center > 0:
+            raise ValueError(f"balance_center is {self.balance_center}; wanted a number above 0")
         if self.balance_sigma < 0:
             raise ValueError(f"balance_sigma is {self.balance_sigma}; wanted 0 or more")
 

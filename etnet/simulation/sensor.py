@@ -37,9 +37,10 @@ def draw_traits(config: SensorConfig, rng: np.random.Generator) -> SensorTraits:
     is_core = rng.random() < config.threshold_core_share
     threshold = log_uniform(rng, config.threshold_core if is_core else config.threshold)
     if config.balance == "normal":
-        balance = max(0.1, 1 + config.balance_sigma * rng.standard_normal())
+        spread = max(0.1, 1 + config.balance_sigma * rng.standard_normal())
     else:
-        balance = float(np.exp(config.balance_sigma * rng.standard_normal()))
+        spread = float(np.exp(config.balance_sigma * rng.standard_normal()))
+    balance = config.balance_center * spread
     # Split between the two, so that the draw of the threshold keeps its meaning for both polarities.
     return SensorTraits(
         threshold_on=threshold * balance**0.5,

@@ -48,7 +48,13 @@ HALF = TrainConfig(
     ),
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
-    data=DataConfig(scene=SceneConfig(smooth_share=0.15)),
+    data=DataConfig(
+        scene=SceneConfig(smooth_share=0.12, exposure=(0.12, 0.55), density=0.45, density_sigma=0.55, pause_start=0.01),
+        sensor=SensorConfig(
+            threshold_core_share=0.95, balance_sigma=0.2, balance_center=1.25, mismatch=(0.0, 0.06), shot_hz=(0.0, 0.3)
+        ),
+    ),
+    augment=AugmentConfig(noise_std=(0.0, 0.05)),
     context=ContextConfig(skip_drop=0.85, skip_drop_end=0.2, skip_drop_updates=1500, blind_share=0.1),
     loss=LossConfig(context=1.0, alive=0.2),
     optimiser=OptimiserConfig(kind="muon", learning_rate=1e-3, schedule="trapezoid", warm_up=50),
