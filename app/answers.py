@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from app.view_state import ViewState
 from app.wishes import Failed, Ready, Reply, Wish, Working
 
 
@@ -52,6 +53,14 @@ class Answers:
     def index(self) -> int | None:
         """The window of the newest finished picture; previews do not count."""
         return None if self.ready is None or self.ready.is_approximate else self.ready.wish.index
+
+    def shows(self, state: ViewState) -> bool:
+        """Whether there is a picture, and with a pixel chosen what the network compared it with (or, of a network that
+        compares nothing, the answer that it does not)."""
+        if self.ready is None or state.query is None:
+            return self.ready is not None
+        wish = self.ready.wish
+        return wish.wants_attention and wish.index == state.index and not self.ready.is_approximate
 
     def _take_ready(self, reply: Ready) -> bool:
         held, wish = self.ready, self.wish

@@ -23,7 +23,7 @@ BURST = 240.0
 MOST_VISITORS = 24
 """At once: what two cores keep up with when all of them only watch."""
 STALLED = 20.0
-"""Seconds after which an act ends though its first image never came."""
+"""Seconds after which an act ends though what it is about never came."""
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
 """Where the third act looks from, as fractions of the picture."""
@@ -77,7 +77,7 @@ class Attract:
     def due(self, is_up: bool, now: float) -> Beat | None:
         """The beat that begins now; `None` while the present one lasts, or a visitor leads.
 
-        `is_up`: the recording is there and has its first image.
+        `is_up`: the recording is there and has its first image, or what the act is about.
         """
         if not self._ids:
             return None

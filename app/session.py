@@ -20,6 +20,7 @@ from app.answers import Answers
 from app.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
 from app.comparing import Comparing, LanePlanned, LaneReply
 from app.composing import Composer
+from app.crew import CREW
 from app.desk import Desk
 from app.engine import Engine
 from app.held import Held
@@ -102,8 +103,9 @@ class Session:
         self._watch_canvas()
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
-        self._thread = threading.Thread(target=self._run, daemon=True, name=self._visitor)
-        self._thread.start()
+        self._thread: int | None = None
+        """The identity of his own thread, once it runs."""
+        CREW.start(self._run, self._visitor)
 
     def close(self) -> None:
         """The visitor has gone: nothing more is computed for him."""
@@ -117,6 +119,7 @@ class Session:
     # ---- the visitor's own thread ----
 
     def _run(self) -> None:
+        self._thread = threading.get_ident()
         try:
             self._serve()
         finally:
@@ -210,7 +213,7 @@ class Session:
 
     def _lead(self) -> None:
         """Go on with the show, where the page is in public and nobody has touched it."""
-        is_up = self._moment() is not None and self._answers.ready is not None
+        is_up = self._moment() is not None and self._answers.shows(self._state)
         if (stretch := self._showing.lead(self._state, is_up)) is None:
             return
         if self._desk is not None:
@@ -341,7 +344,7 @@ class Session:
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
-        if threading.current_thread() is self._thread:
+        if threading.get_ident() == self._thread:
             self._answers.take(reply)
         else:
             self._mail.put(reply)

@@ -22,8 +22,6 @@ from app.scene.frame_plane import FramePlane
 from app.scene.links import LinksNode
 from app.scene.map_planes import MapPlanes
 from app.scene.space import Space
-from app.view_state import ViewState
-from app.wishes import Ready
 
 LAGGING = 0.45
 """Brightness of a picture that belongs to another window than the one on show."""
@@ -82,7 +80,7 @@ def _maps(page: Page, sites: tuple[str, ...]) -> tuple[object, tuple[UInt8[np.nd
     ready, look = page.ready, page.look
     if ready is None or look is None or not sites:
         return None, ()
-    lags = _lags(ready, page.state)
+    lags = page.lags
     found = (attention_image(ready, look, site) for site in sites)
     return (ready.key, look, sites, lags), tuple(_dimmed(image, lags) for image in found if image is not None)
 
@@ -92,18 +90,13 @@ def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
     ready, state = page.ready, page.state
     if ready is None:
         return None, None
-    lags = _lags(ready, state)
+    lags = page.lags
     if state.workspace == "attention" and page.look is not None and ready.attention is not None:
         image = attention_image(ready, page.look, state.site)
         if image is not None:
             return ("attention", ready.key, page.look, state.site, lags), _dimmed(image, lags)
     grey = cv2.cvtColor(reconstruction_image(ready, page.tones), cv2.COLOR_GRAY2RGB)
     return ("frame", ready.key, page.tones, lags), _dimmed(grey, lags)
-
-
-def _lags(ready: Ready, state: ViewState) -> bool:
-    # Where every image is waited for, the one on show is always one behind while it plays.
-    return ready.wish.index != state.index and not (state.is_playing and state.waits_for_frames)
 
 
 def _dimmed(image: UInt8[np.ndarray, "h w 3"], lags: bool) -> UInt8[np.ndarray, "h w 3"]:

@@ -66,6 +66,16 @@ class Page:
     film: FilmShown | None = None
     """How far the video on show is simulated; `None` for what is no video."""
 
+    @property
+    def missed(self) -> int | None:
+        """The window whose image the one on show lags behind; `None` where each is waited for: it plays one behind."""
+        return None if self.state.is_playing and self.state.waits_for_frames else self.state.index
+
+    @property
+    def lags(self) -> bool:
+        """Whether the image on show belongs to another window than the one that is missed."""
+        return self.ready is not None and self.missed not in (None, self.ready.wish.index)
+
 
 class Panel(Protocol):
     """A part of the page."""

@@ -83,7 +83,7 @@ def reconstruction(page: Page, is_plain: bool = False) -> str:
     return reconstruction_html(
         page.ready,
         tones=page.tones,
-        wanted=page.state.index,
+        wanted=page.missed,
         query=None if is_plain else page.state.query,
         working=page.working,
         failed=page.failed,

@@ -7,6 +7,7 @@ import numpy as np
 from app import intents as ask
 from app.answers import Answers
 from app.channel import AskHelp, Hello, Resized, parse
+from app.view_state import ViewState
 from app.wishes import Failed, Ready, Wish, Working
 from etnet.windows import ByCount
 from tests.app.stand_ins import CONTRACT
@@ -35,6 +36,22 @@ def test_a_preview_is_shown_but_is_no_finished_picture():
     answers.take(ready(WISH, is_approximate=True))
     assert answers.ready is not None
     assert answers.index is None
+
+
+def test_with_a_pixel_chosen_the_picture_alone_is_not_all_that_is_awaited():
+    answers, state = Answers(), ViewState("a", "m", index=5)
+    answers.ask(WISH)
+    assert not answers.shows(state)
+    answers.take(ready(WISH))
+    assert answers.shows(state)
+    chosen, asked = replace(state, query=(1, 1)), replace(WISH, wants_attention=True)
+    assert not answers.shows(chosen)
+    answers.ask(asked)
+    answers.take(ready(asked, is_approximate=True))
+    assert not answers.shows(chosen)
+    answers.take(ready(asked))  # of a network without attention: there is none to wait for
+    assert answers.shows(chosen)
+    assert not answers.shows(replace(chosen, index=6))
 
 
 def test_work_and_failure_of_a_wish_given_up_are_no_news():

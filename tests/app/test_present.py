@@ -5,6 +5,8 @@ import pytest
 
 from app import present
 from app.inside_view import InsideView
+from app.panels.base import Page
+from app.panels.pictures import reconstruction as reconstruction_panel
 from app.present.words import seconds
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
@@ -79,6 +81,15 @@ def test_a_panel_that_lags_is_dimmed_and_says_what_it_shows_and_computes(ready):
     page = Checker(present.reconstruction_html(ready, tones=TONES, wanted=23, working=working))
     assert "showing 4, computing 23 (14 of 19)" in page.text
     assert any(attrs.get("class") == "et-lags" for _, attrs in page.tags)
+
+
+def test_where_every_image_is_waited_for_the_one_on_show_is_not_dimmed_while_it_plays(ready):
+    at = ready.wish.index + 1
+    for is_playing, waits, lags in ((True, True, False), (True, False, True), (False, True, True)):
+        page = Page(ViewState(index=at, is_playing=is_playing, waits_for_frames=waits), ready=ready)
+        assert page.lags is lags
+        assert ("et-lags" in reconstruction_panel(page)) is lags
+        assert ("computing" in reconstruction_panel(page)) is lags
 
 
 def test_nothing_lags_once_the_wanted_frame_is_there(ready):

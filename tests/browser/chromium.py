@@ -53,14 +53,14 @@ def chromium(path: str) -> Iterator:
             browser.close()
 
 
-def open_page(browser, url, width=1280, height=720, context=None):
+def open_page(browser, url, width=1280, height=720, context=None, patience=PATIENCE):
     """A page on the viewer, once it shows a moment. A phone below 500 pixels of width."""
     if context is None:
         phone = {"is_mobile": True, "has_touch": True, "device_scale_factor": 2} if width < 500 else {}
         context = browser.new_context(viewport={"width": width, "height": height}, **phone)
         context.add_init_script("localStorage.setItem('etnet-tour', 'seen')")
     page = context.new_page()
-    page.set_default_timeout(PATIENCE)
+    page.set_default_timeout(patience)
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
     page.goto(f"{url}{'&' if '?' in url else '/?'}fixedDpr=1")
