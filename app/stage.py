@@ -12,7 +12,7 @@ from jaxtyping import UInt8
 from app import intents as ask
 from app.layout import place_camera
 from app.panels.base import Page
-from app.present import EventCloud, Moment, attention_image, event_cloud, reconstruction_image
+from app.present import EventCloud, Moment, attention_image, event_cloud, event_picture, reconstruction_image
 from app.present.attention import sites_behind
 from app.present.found import Traced
 from app.present.links import links_of
@@ -46,7 +46,7 @@ class Stage:
         behind = sites_behind(page.ready, page.look, state)
         shows_cloud = not behind and state.shows_events and state.camera != "front" and state.workspace != "demo"
         cloud = _cloud(page, page.moment) if shows_cloud else None
-        key, picture = _picture(page)
+        key, picture = picture_of(page)
         with self._client.atomic():
             self._cloud.set_visible(shows_cloud)
             if cloud is not None:
@@ -85,13 +85,17 @@ def _maps(page: Page, sites: tuple[str, ...]) -> tuple[object, tuple[UInt8[np.nd
     return (ready.key, look, sites, lags), tuple(_dimmed(image, lags) for image in found if image is not None)
 
 
-def _picture(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
-    """What stands on the plane (a map in the attention workspace, else the frame), and a key that tells it apart."""
+def picture_of(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
+    """What stands on the plane (events or a map where the page is about attention, else the frame), and what tells it apart."""
     ready, state = page.ready, page.state
+    # The demo's large pictures hide the scene; on a phone, where they have no room, it is what the caption speaks of.
+    if state.workspace == "demo" and state.show.act == "events" and page.moment is not None:
+        image, _ = event_picture(page.moment, state.event_image)
+        return ("events", page.moment.key, state.event_image), image
     if ready is None:
         return None, None
     lags = page.lags
-    if state.workspace == "attention" and page.look is not None and ready.attention is not None:
+    if state.workspace in ("attention", "demo") and page.look is not None and ready.attention is not None:
         image = attention_image(ready, page.look, state.site)
         if image is not None:
             return ("attention", ready.key, page.look, state.site, lags), _dimmed(image, lags)

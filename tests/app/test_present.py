@@ -8,6 +8,8 @@ from app.inside_view import InsideView
 from app.panels.base import Page
 from app.panels.pictures import reconstruction as reconstruction_panel
 from app.present.words import seconds
+from app.show_view import ShowView
+from app.stage import picture_of
 from app.view_state import ViewState
 from app.wishes import Failed, Ready, Working
 from etnet.events.events import Events, Sensor
@@ -90,6 +92,20 @@ def test_where_every_image_is_waited_for_the_one_on_show_is_not_dimmed_while_it_
         assert page.lags is lags
         assert ("et-lags" in reconstruction_panel(page)) is lags
         assert ("computing" in reconstruction_panel(page)) is lags
+
+
+def test_in_the_demo_the_scene_shows_what_is_spoken_of(moment, ready):
+    shown = {
+        act: picture_of(Page(ViewState(workspace="demo", index=4, show=ShowView(True, act)), moment, ready, look=look))[
+            1
+        ]
+        for act, look in (("events", None), ("image", None), ("places", LOOK))
+    }
+    events, _ = present.event_picture(moment, ViewState().event_image)
+    grey = present.reconstruction_image(ready, TONES)
+    assert np.array_equal(shown["events"], events)
+    assert np.array_equal(shown["image"], np.repeat(grey[..., None], 3, axis=2))
+    assert np.array_equal(shown["places"], present.attention_image(ready, LOOK, ViewState().site))
 
 
 def test_nothing_lags_once_the_wanted_frame_is_there(ready):
