@@ -86,7 +86,7 @@ def _maps(page: Page, sites: tuple[str, ...]) -> tuple[object, tuple[UInt8[np.nd
 
 
 def picture_of(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
-    """What stands on the plane (events or a map where the page is about them, else the frame), and what tells it apart."""
+    """What stands on the plane (events, a map or the frame: what the page is about), and what tells it apart."""
     ready, state = page.ready, page.state
     # The demo's large pictures hide the scene; on a phone, where they have no room, it is what the caption speaks of.
     if state.workspace == "demo" and state.show.act == "events" and page.moment is not None:
