@@ -88,14 +88,19 @@ class Clock:
         return replace(self, s=self.s * factor)
 
 
-def draw_background(rng: np.random.Generator, size: tuple[int, int], is_static: bool) -> Trajectory:
-    """A background's path: drift, sway, turning and zooming; about one pixel a unit of distance."""
+def draw_background(
+    rng: np.random.Generator, size: tuple[int, int], is_static: bool, is_straight: bool = False
+) -> Trajectory:
+    """A background's path: drift, sway, turning and zooming, or drift alone; about one pixel a unit of distance."""
     height, width = size
     side = min(size)
     rest = np.array([(width - 1) / 2, (height - 1) / 2, rng.uniform(-0.3, 0.3), 0.0])
     amplitude, frequency, phase = np.zeros((4, 2)), np.zeros((4, 2)), rng.uniform(0, 2 * np.pi, (4, 2))
     drift = np.zeros(CHANNELS)
-    if not is_static:
+    if not is_static and is_straight:
+        heading = rng.uniform(0, 2 * np.pi) if rng.random() < 0.5 else 0.0
+        drift[:2] = np.cos(heading), np.sin(heading)
+    elif not is_static:
         heading, sway = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 1.2)
         drift[:2] = rng.uniform(0.3, 1.0) * np.array([np.cos(heading), np.sin(heading)])
         for channel in range(2):

@@ -132,7 +132,9 @@ def draw_scene(
         light = textures.draw_shading((2 * height, 2 * width), rng)
     else:
         light = textures.draw_photo(pictures, config.size, blur * (4 if is_smooth else 1), rng)
-    planes = [Plane(light, None, camera.draw_background(rng, config.size, is_static))]
+    # Without such a share nothing is drawn for it, and clips of before stay as they are.
+    is_straight = config.scene.straight_share > 0 and bool(rng.random() < config.scene.straight_share)
+    planes = [Plane(light, None, camera.draw_background(rng, config.size, is_static, is_straight))]
     num_objects = int(rng.integers(config.scene.num_objects[0], config.scene.num_objects[1] + 1))
     # Without texture or a moving background only outlines give events, so there must be some.
     num_objects = max(num_objects, min(config.scene.num_objects[1], 3 if is_smooth else int(is_static)))

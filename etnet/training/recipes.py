@@ -49,7 +49,15 @@ HALF = TrainConfig(
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
     data=DataConfig(
-        scene=SceneConfig(smooth_share=0.12, exposure=(0.12, 0.55), density=0.45, density_sigma=0.55, pause_start=0.01),
+        scene=SceneConfig(
+            smooth_share=0.12,
+            straight_share=0.3,
+            blur_px=(0.0, 0.6),
+            exposure=(0.12, 0.55),
+            density=0.45,
+            density_sigma=0.55,
+            pause_start=0.01,
+        ),
         sensor=SensorConfig(
             threshold_core_share=0.95, balance_sigma=0.2, balance_center=1.25, mismatch=(0.0, 0.06), shot_hz=(0.0, 0.3)
         ),
