@@ -89,8 +89,8 @@ class SceneConfig:
     static_camera_share: float = 0.12
     """How many clips have a resting background; it needs an object that moves."""
     straight_share: float = 0.0
-    """How many moving backgrounds run straight, without sway, turn or zoom (a slider, a vehicle), half of them along the
-    rows: edges along their way give no events."""
+    """How many moving backgrounds run straight, without sway, turn or zoom (a slider, a vehicle), half of them along
+    the rows: edges along their way give no events."""
     ride_share: float = 0.5
     """How many clips have objects that keep to the background but for parallax and a wobble: a moving camera."""
     resting_share: float = 0.15
@@ -124,9 +124,9 @@ class SceneConfig:
         check_range("blur_px", self.blur_px, 0.0, 20.0)
         check_range("exposure", self.exposure, 0.001, 1.0)
         check_range("black_share", self.black_share, 0.0, 0.9)
-        for name in ("cutout_share", "shaded_share", "smooth_share", "static_camera_share", "straight_share", "ride_share"):
+        for name in ("cutout_share", "shaded_share", "smooth_share", "static_camera_share", "straight_share"):
             check_share(name, getattr(self, name))
-        for name in ("resting_share", "halting_share", "pause_start", "pause_stay", "long_pause_stay"):
+        for name in ("ride_share", "resting_share", "halting_share", "pause_start", "pause_stay", "long_pause_stay"):
             check_share(name, getattr(self, name))
         for name in ("density", "max_speed_px", "smooth_scale"):
             if not getattr(self, name) > 0:

@@ -13,6 +13,18 @@ def test_a_map_and_its_inverse_cancel(seed):
     assert np.allclose(unit, [[1, 0, 0], [0, 1, 0]], atol=1e-9)
 
 
+def test_a_straight_background_only_shifts_a_pixel_a_unit_and_half_of_them_along_the_rows():
+    s, along_rows = np.arange(5, dtype=np.float64), 0
+    for seed in range(200):
+        path = camera.draw_background(np.random.default_rng(seed), (60, 80), is_static=False, is_straight=True)
+        maps = path.matrices(s, (60, 80))
+        assert np.array_equal(maps[1:, :, :2], maps[:-1, :, :2])
+        step = np.diff(maps[:, :, 2], axis=0)
+        assert np.allclose(np.hypot(step[:, 0], step[:, 1]), 1)
+        along_rows += bool(np.all(step[:, 1] == 0))
+    assert 70 < along_rows < 130
+
+
 def test_a_resting_background_has_one_map():
     path = camera.draw_background(np.random.default_rng(0), (60, 80), is_static=True)
     assert np.ptp(path.matrices(np.linspace(0, 99, 9), (90, 100)), axis=0).max() == 0

@@ -118,6 +118,10 @@ def test_thresholds_are_drawn_as_configured():
     assert threshold.max() <= 1.5
     assert 0.85 < ((threshold > 0.2) & (threshold < 1.0)).mean() < 0.97
     assert np.log(ratio).std() == pytest.approx(0.25, rel=0.1)
+    assert np.log(ratio).mean() == pytest.approx(0, abs=0.03)
+    shifted = [draw_traits(SensorConfig(balance_center=1.3), rng) for _ in range(1_500)]
+    logs = np.log([t.threshold_on / t.threshold_off for t in shifted])
+    assert logs.mean() == pytest.approx(np.log(1.3), abs=0.03)
     paper = SensorConfig(threshold_core_share=0.0, balance="normal", balance_sigma=0.1)
     ratio = np.array([t.threshold_on / t.threshold_off for t in (draw_traits(paper, rng) for _ in range(1_500))])
     assert ratio.mean() == pytest.approx(1, abs=0.01)
