@@ -99,7 +99,7 @@ class Session:
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public, ticket)
         self._arrange()
-        self._stage = Stage(client, self._mail.put)
+        self._stage = Stage(client, self._mail.put, self._layout.is_phone)
         self._watch_canvas()
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))

@@ -30,8 +30,11 @@ LAGGING = 0.45
 class Stage:
     """Draws a page into the scene; places the camera when the preset or the canvas changes."""
 
-    def __init__(self, client: viser.ClientHandle, dispatch: Callable[[ask.Intent], None]) -> None:
+    def __init__(
+        self, client: viser.ClientHandle, dispatch: Callable[[ask.Intent], None], is_phone: bool = False
+    ) -> None:
         self._client = client
+        self._is_phone = is_phone
         self._cloud = CloudNode(client.scene)
         self._plane = FramePlane(client.scene, dispatch)
         self._links = LinksNode(client.scene)
@@ -46,7 +49,7 @@ class Stage:
         behind = sites_behind(page.ready, page.look, state)
         shows_cloud = not behind and state.shows_events and state.camera != "front" and state.workspace != "demo"
         cloud = _cloud(page, page.moment) if shows_cloud else None
-        key, picture = picture_of(page)
+        key, picture = picture_of(page, self._is_phone)
         with self._client.atomic():
             self._cloud.set_visible(shows_cloud)
             if cloud is not None:
@@ -85,17 +88,18 @@ def _maps(page: Page, sites: tuple[str, ...]) -> tuple[object, tuple[UInt8[np.nd
     return (ready.key, look, sites, lags), tuple(_dimmed(image, lags) for image in found if image is not None)
 
 
-def picture_of(page: Page) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
+def picture_of(page: Page, is_phone: bool) -> tuple[object, UInt8[np.ndarray, "h w 3"] | None]:
     """What stands on the plane (events, a map or the frame: what the page is about), and what tells it apart."""
     ready, state = page.ready, page.state
     # The demo's large pictures hide the scene; on a phone, where they have no room, it is what the caption speaks of.
-    if state.workspace == "demo" and state.show.act == "events" and page.moment is not None:
+    shows_act = is_phone and state.workspace == "demo"
+    if shows_act and state.show.act == "events" and page.moment is not None:
         image, _ = event_picture(page.moment, state.event_image)
         return ("events", page.moment.key, state.event_image), image
     if ready is None:
         return None, None
     lags = page.lags
-    if state.workspace in ("attention", "demo") and page.look is not None and ready.attention is not None:
+    if (shows_act or state.workspace == "attention") and page.look is not None and ready.attention is not None:
         image = attention_image(ready, page.look, state.site)
         if image is not None:
             return ("attention", ready.key, page.look, state.site, lags), _dimmed(image, lags)

@@ -94,18 +94,18 @@ def test_where_every_image_is_waited_for_the_one_on_show_is_not_dimmed_while_it_
         assert ("computing" in reconstruction_panel(page)) is lags
 
 
-def test_in_the_demo_the_scene_shows_what_is_spoken_of(moment, ready):
-    shown = {
-        act: picture_of(Page(ViewState(workspace="demo", index=4, show=ShowView(True, act)), moment, ready, look=look))[
-            1
-        ]
+def test_on_a_phone_the_demos_scene_shows_what_is_spoken_of(moment, ready):
+    pages = {
+        act: Page(ViewState(workspace="demo", index=4, show=ShowView(True, act)), moment, ready, look=look)
         for act, look in (("events", None), ("image", None), ("places", LOOK))
     }
     events, _ = present.event_picture(moment, ViewState().event_image)
-    grey = present.reconstruction_image(ready, TONES)
-    assert np.array_equal(shown["events"], events)
-    assert np.array_equal(shown["image"], np.repeat(grey[..., None], 3, axis=2))
-    assert np.array_equal(shown["places"], present.attention_image(ready, LOOK, ViewState().site))
+    grey = np.repeat(present.reconstruction_image(ready, TONES)[..., None], 3, axis=2)
+    assert np.array_equal(picture_of(pages["events"], True)[1], events)
+    assert np.array_equal(picture_of(pages["image"], True)[1], grey)
+    places = present.attention_image(ready, LOOK, ViewState().site)
+    assert np.array_equal(picture_of(pages["places"], True)[1], places)
+    assert all(np.array_equal(picture_of(page, False)[1], grey) for page in pages.values())
 
 
 def test_nothing_lags_once_the_wanted_frame_is_there(ready):
