@@ -173,13 +173,16 @@ def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool
     legend, reconstruction, transport = SceneLegend(), Reconstruction(), Transport()
     for panel in (legend, reconstruction, transport):
         panel.build(gui, dispatch)
-    private = (("Inside", InsidePanel()), ("Compare", ComparePanel()), ("Take away", TakeAwayPanel()))
     folded: tuple[tuple[str, Panel], ...] = (
         ("Events", EventPicture()),
         ("Time bins", Voxels()),
         *(() if is_public else (("Recording", Source()),)),
         ("Attention", AttentionPanel()),
-        *(() if is_public else private),
+        *(
+            ()
+            if is_public
+            else (("Inside", InsidePanel()), ("Compare", ComparePanel()), ("Take away", TakeAwayPanel()))
+        ),
     )
     for title, panel in folded:
         with gui.add_panel().add_tab(title):

@@ -125,8 +125,9 @@ def film_demo(browser, folder: Path) -> None:
             page = open_page(browser, viewer.url, width, height, patience=PATIENCE)
             page.get_by_test_id("reconstruction").locator("img:visible").first.wait_for()
             page.wait_for_timeout(WAITS["demo"])
-            keep(record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000)), folder, f"demo_{width}")
-            page.context.close()
+            film = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
+            page.context.close()  # it would go on painting, and take the processor from the film that is written
+            keep(film, folder, f"demo_{width}")
     finally:
         viewer.stop()
 
@@ -140,8 +141,9 @@ def film_page(browser, file: Path, folder: Path) -> None:
         page.goto(file.resolve().as_uri())
         page.wait_for_function("() => document.documentElement.dataset.shown !== undefined")
         page.wait_for_timeout(WAITS["file"])
-        keep(record(page, lambda page=page: page.evaluate(SCRUB, SECONDS)), folder, f"{file.stem}_{width}")
+        film = record(page, lambda page=page: page.evaluate(SCRUB, SECONDS))
         context.close()
+        keep(film, folder, f"{file.stem}_{width}")
 
 
 def main(folder: Path, names: list[str]) -> int:

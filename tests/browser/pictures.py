@@ -93,8 +93,7 @@ def main(folder: Path) -> int:
 
 def photograph(browser, url: str, folder: Path, name: str, size: tuple[int, int]) -> list[str]:
     """All pictures of one recording at one size, and the faults found in them."""
-    page = open_page(browser, url, *size)
-    page.set_default_timeout(300_000)
+    page = open_page(browser, url, *size, patience=300_000)
     is_phone = size[0] < 500
     image = page.get_by_test_id("reconstruction").locator("img").first
     image.wait_for()
