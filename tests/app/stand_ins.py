@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import struct
 import threading
 import time
@@ -169,6 +170,15 @@ def served(view=lambda default: default, most_visitors=None, limits=None):
         server.stop()
         if uploads is not None:
             uploads.close()
+
+
+def held_files(uploads):
+    """Names of what lies in the uploads' folder, visitors' marks aside."""
+    folder = uploads._folder
+    if folder is None:
+        return []
+    # Unlike rglob, os.walk passes over a folder that is removed while it looks.
+    return [name for _, _, names in os.walk(folder.path) for name in names if name != ".held"]
 
 
 class Browser:

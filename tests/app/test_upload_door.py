@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from app.guard import LARGEST_MESSAGE
 from app.upload_door import CHUNK
 from app.uploads import UploadLimits
-from tests.app.stand_ins import Browser, served
+from tests.app.stand_ins import Browser, held_files, served
 
 LIMITS = UploadLimits(visitor_bytes=1_000_000, total_bytes=2_000_000)
 
@@ -72,11 +72,6 @@ async def settled(condition):
         await asyncio.sleep(0.01)
 
 
-def folders(viewer):
-    found = viewer.uploads._folder
-    return [] if found is None else [path for path in found.path.rglob("*") if path.is_file() and path.name != ".held"]
-
-
 def test_a_file_goes_up_is_opened_and_goes_with_its_visitor(viewer):
     async def tell(browser, ticket):
         content = bytes(range(256)) * 2000
@@ -101,7 +96,7 @@ def test_a_file_goes_up_is_opened_and_goes_with_its_visitor(viewer):
             assert arrived not in str(viewer.engine.wishes)
 
     story(viewer, tell)
-    asyncio.run(settled(lambda: viewer.shelf.private == {} and folders(viewer) == []))
+    asyncio.run(settled(lambda: viewer.shelf.private == {} and held_files(viewer.uploads) == []))
 
 
 def test_a_removed_file_leaves_the_page_on_another_recording(viewer):
@@ -115,7 +110,7 @@ def test_a_removed_file_leaves_the_page_on_another_recording(viewer):
         await browser.until(lambda: browser.widgets[browser.widget("Recording")]["value"] == "mine.raw")
         await browser.use(browser.widget("channel"), f"pick|remove:{arrived}|0|0|5")
         await browser.until(lambda: browser.widgets[browser.widget("Recording")]["value"] == "recording a")
-        assert folders(viewer) == []
+        assert held_files(viewer.uploads) == []
 
     story(viewer, tell)
 
@@ -126,7 +121,7 @@ def test_what_says_it_is_too_large_is_refused_before_a_byte_is_taken(viewer):
             assert "--data FOLDER" in (await sender.greet(ticket=ticket, name="a.raw", size=1_000_001))["refused"]
             assert await sender.until_over() == []
         await browser.until_shown("this viewer takes")
-        assert folders(viewer) == []
+        assert held_files(viewer.uploads) == []
 
     story(viewer, tell)
 
@@ -147,7 +142,7 @@ def test_what_sends_more_than_it_said_is_cut_off(viewer):
             await sender.socket.send(bytes(600))
             await sender.socket.send(b"one more")
             assert "more came" in (await sender.until_over())[-1]["refused"]
-        await settled(lambda: folders(viewer) == [])
+        await settled(lambda: held_files(viewer.uploads) == [])
 
     story(viewer, tell)
 
@@ -161,7 +156,7 @@ def test_a_message_too_large_to_hold_ends_the_connection(viewer):
             await sender.until_over()
             assert sender.socket.close_code == 1009
         await browser.until_shown("was cut off")
-        await settled(lambda: folders(viewer) == [])
+        await settled(lambda: held_files(viewer.uploads) == [])
 
     story(viewer, tell)
 
@@ -172,10 +167,10 @@ def test_a_cut_connection_leaves_nothing(viewer):
             await sender.greet(ticket=ticket, name="a.raw", size=1000)
             await sender.socket.send(bytes(500))
             await sender.hear()
-            assert len(folders(viewer)) == 1
+            assert len(held_files(viewer.uploads)) == 1
             sender.socket.transport.abort()
         await browser.until_shown("was cut off; send it again")
-        await settled(lambda: folders(viewer) == [])
+        await settled(lambda: held_files(viewer.uploads) == [])
 
     story(viewer, tell)
 
@@ -189,7 +184,7 @@ def test_a_visitor_who_leaves_in_the_middle_leaves_nothing(viewer):
             await sender.greet(ticket=ticket_of(browser), name="a.raw", size=1000)
             await sender.socket.send(bytes(500))
             await sender.hear()
-        await settled(lambda: folders(viewer) == [])
+        await settled(lambda: held_files(viewer.uploads) == [])
         await sender.socket.send(bytes(100))
         assert "has gone" in (await sender.until_over())[-1]["refused"]
         await sending.__aexit__(None, None, None)
@@ -217,7 +212,7 @@ def test_nobody_sends_without_a_pages_ticket_and_nonsense_is_refused(viewer):
         with pytest.raises(InvalidStatus):
             async with Sender.open(viewer, origin="http://evil.example"):
                 pass
-        assert folders(viewer) == []
+        assert held_files(viewer.uploads) == []
 
     story(viewer, tell)
 

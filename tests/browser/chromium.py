@@ -78,3 +78,12 @@ def until_window(page, index):
     """Wait until a window is on show and its reconstruction has come."""
     page.get_by_alt_text(f"Reconstruction of window {index}", exact=True).first.wait_for()
     page.get_by_test_id("lag").first.wait_for(state="hidden")
+
+
+def box_of(page, locator):
+    """The box of `locator`'s first element: asked again while the page is just replacing it."""
+    for _ in range(100):
+        if (box := locator.first.bounding_box()) is not None:
+            return box
+        page.wait_for_timeout(50)
+    raise AssertionError(f"{locator} has no box for five seconds")

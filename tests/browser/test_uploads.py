@@ -9,7 +9,7 @@ from app.config import ViewerConfig
 from app.main import Viewer
 from etnet.events.open import open_recording
 from etnet.events.write import write_recording
-from tests.app.stand_ins import recording
+from tests.app.stand_ins import held_files, recording
 from tests.browser.chromium import open_page, until_window
 
 
@@ -45,11 +45,6 @@ def choose(page, files):
     chooser.value.set_files(files)
 
 
-def lies_there(viewer):
-    folder = viewer.uploads._folder
-    return folder is not None and any(path.is_file() and path.name != ".held" for path in folder.path.rglob("*"))
-
-
 def until(page, condition):
     for _ in range(100):
         if condition():
@@ -67,11 +62,11 @@ def test_a_file_goes_up_shows_scrubs_and_is_gone_when_its_visitor_is(browser, sm
     page.locator("body").press("l")
     until_window(page, 15)
     page.get_by_test_id("camera").first.wait_for()
-    assert lies_there(small_viewer)
+    assert held_files(small_viewer.uploads)
     assert page.errors == []
     page.context.close()
     other = open_page(browser, small_viewer.url)
-    until(other, lambda: not lies_there(small_viewer))
+    until(other, lambda: not held_files(small_viewer.uploads))
     assert small_viewer.catalogue._private == {}
     assert not any("upload-" in str(key) for key in small_viewer.engine._studio._stages)
     assert "street" not in other.content()
@@ -98,7 +93,7 @@ def test_a_file_may_be_dropped_anywhere_and_removed(own_page, small_viewer, mine
     own_page.get_by_test_id("handing").get_by_text("dropped.h5").wait_for()
     own_page.get_by_role("button", name="Remove").click()
     until_window(own_page, 20)
-    until(own_page, lambda: not lies_there(small_viewer))
+    until(own_page, lambda: not held_files(small_viewer.uploads))
 
 
 def test_a_file_that_is_too_large_is_refused_in_one_line(own_page, small_viewer, tmp_path):
@@ -108,7 +103,7 @@ def test_a_file_that_is_too_large_is_refused_in_one_line(own_page, small_viewer,
     told = own_page.get_by_test_id("refused")
     told.get_by_text("night drive.raw: 1.1 MB, this viewer takes 1 MB").wait_for()
     assert "--data FOLDER" in told.inner_text()
-    assert not lies_there(small_viewer)
+    assert not held_files(small_viewer.uploads)
 
 
 def test_what_is_sent_beyond_the_declared_size_is_cut_off(own_page, small_viewer):
@@ -127,4 +122,4 @@ def test_what_is_sent_beyond_the_declared_size_is_cut_off(own_page, small_viewer
     assert "more came than the 1,000 bytes" in told
     own_page.get_by_role("tab", name="Recording").click()
     own_page.get_by_test_id("refused").get_by_text("liar.raw: more came").wait_for()
-    assert not lies_there(small_viewer)
+    assert not held_files(small_viewer.uploads)

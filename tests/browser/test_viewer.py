@@ -11,7 +11,7 @@ from etnet.nets.attention import AttentionProbe
 from etnet.nets.weights import load_model
 from etnet.voxel import voxel_grid
 from etnet.windows import BetweenFrames, plan_windows
-from tests.browser.chromium import open_page, until_window
+from tests.browser.chromium import box_of, open_page, until_window
 from tests.browser.conftest import ROI
 
 SITE = "scale1.encoder.0.self"
@@ -29,7 +29,7 @@ def seek(page, index):
 def test_it_opens_with_every_part_drawn(page):
     until_window(page, 20)
     for part in ("reconstruction", "camera", "events", "voxels", "attention", "timeline", "provenance", "scene-legend"):
-        assert page.get_by_test_id(part).first.bounding_box()["height"] > 10
+        assert box_of(page, page.get_by_test_id(part))["height"] > 10
     assert page.get_by_test_id("chip-exact").first.is_visible()
     assert page.title() == "ET-Net viewer"
 
@@ -41,7 +41,7 @@ def test_the_slider_scrubs(page):
     thumb.press("ArrowLeft")
     page.get_by_test_id("window").get_by_text("window 19 of").wait_for()
     until_window(page, 19)
-    strip = page.get_by_test_id("strip").bounding_box()
+    strip = box_of(page, page.get_by_test_id("strip"))
     page.mouse.click(strip["x"] + strip["width"] * 0.5, strip["y"] + strip["height"] / 2)
     page.get_by_test_id("window").get_by_text("window 25 of").or_(
         page.get_by_test_id("window").get_by_text("window 24 of")
@@ -75,7 +75,7 @@ def expected():
 @pytest.mark.parametrize("pixel", [(20, 17), (41, 30), (59, 21)], ids=["middle", "right", "padded edge"])
 def test_a_click_shows_the_peak_token_and_value_that_the_model_gives(page, expected, pixel):
     seek(page, 3)
-    image = page.get_by_test_id("reconstruction").locator("img").first.bounding_box()
+    image = box_of(page, page.get_by_test_id("reconstruction").locator("img"))
     page.mouse.click(
         image["x"] + (pixel[0] + 0.5) / ROI[2] * image["width"],
         image["y"] + (pixel[1] + 0.5) / ROI[3] * image["height"],
@@ -94,7 +94,7 @@ def test_a_click_on_the_plane_in_the_scene_asks_too(page):
     until_window(page, 20)
     page.locator("body").press("f")
     page.wait_for_timeout(1500)
-    canvas = page.locator("canvas[data-engine]").bounding_box()
+    canvas = box_of(page, page.locator("canvas[data-engine]"))
     page.mouse.click(canvas["x"] + canvas["width"] / 2, canvas["y"] + canvas["height"] / 2)
     found = page.get_by_text("What pixel (").inner_text()
     x, y = (int(part) for part in found.split("(")[1].split(")")[0].split(","))
