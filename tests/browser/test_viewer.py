@@ -129,11 +129,15 @@ def test_two_visitors_scrub_alone(browser, viewer, page):
     other.context.close()
 
 
+_KEPT = """() => Object.values(localStorage).some((text) =>
+    text.includes('"index": 5,') && text.includes('"workspace": "attention"'))"""
+
+
 def test_a_reload_returns_to_the_moment_and_a_new_tab_does_not(page, viewer):
     seek(page, 5)
     page.locator("body").press("2")
     page.locator("[data-etv-workspace=attention]").wait_for(state="attached")
-    page.wait_for_timeout(1200)
+    page.wait_for_function(_KEPT)
     page.reload()
     page.get_by_test_id("window").get_by_text("window 5 of").wait_for()
     page.locator("[data-etv-workspace=attention]").wait_for(state="attached")
