@@ -23,13 +23,7 @@ from etnet.training.validate import Film, recorded_film, validate
 from etnet.training.validate import Scores as Validation
 from tests.real_data import real_file
 
-pytestmark = [
-    pytest.mark.slow,
-    # Strict: weights that pass make these marks an error, and the marks go.
-    pytest.mark.xfail(
-        strict=True, reason="the bundled weights are the first ones and miss all of this; see their card"
-    ),
-]
+pytestmark = pytest.mark.slow
 
 FIRENET_PLUS = {"mse": 0.0437, "ssim": 0.567, "lpips": 0.324, "affine lpips": 0.274}
 """Published weights on `slider_depth`, `paper` protocol."""

@@ -23,6 +23,8 @@ def run(config: Train) -> int:
     """Train or export; returns the exit code."""
     if config.export is not None:
         return _export(config.train.out, config.export, config.best)
+    if config.curves is not None:
+        return _draw(config.train.out, config.curves)
     from etnet.training.distributed import joined
     from etnet.training.loop import train
 
@@ -41,6 +43,15 @@ def _export(folder: Path, target: Path, best: bool) -> int:
     model, card = exported(folder, best)
     save_weights(model, target, card)
     console.print(f"{target}: {card['title']}, best validation LPIPS {card['best_validation_lpips']:.4f}")
+    return 0
+
+
+def _draw(folder: Path, target: Path) -> int:
+    from etnet.export.images import write_atomically
+    from etnet.training.plot import plot_runs
+
+    write_atomically(target, plot_runs([folder]).encode())
+    console.print(f"{target}: the curves of {folder}")
     return 0
 
 

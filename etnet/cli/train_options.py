@@ -24,6 +24,8 @@ class Train:
     """Train nothing: write the running mean of the run's weights to this file (.safetensors, fp16)."""
     best: bool = False
     """Export the weights with the lowest validation LPIPS, not the last ones."""
+    curves: Path | None = None
+    """Train nothing: draw the run's losses and validation to this file (.svg)."""
 
 
 def parse(arguments: Sequence[str], program: str) -> Train:

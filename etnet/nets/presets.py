@@ -24,7 +24,7 @@ _HALF = ETNetConfig(
 
 PRESETS: dict[str, NetworkConfig] = {
     "etnet": ETNetConfig(),
-    "etnet-half": _HALF,
+    "etnet-half": replace(_HALF, heads=4, positions="grid", scales_logits=True, deepest_skip=1, dropout=0.0),
     "tiny": replace(_HALF, base_channels=4, dim=32, heads=4, feed_forward=64, encoder_depth=1, decoder_depth=1),
     **E2VID_PRESETS,
     **FIRENET_PRESETS,

@@ -43,9 +43,7 @@ PAPER = TrainConfig(
 
 HALF = TrainConfig(
     out=Path("runs/half"),
-    network=replace(
-        network_preset("etnet-half"), heads=4, positions="grid", scales_logits=True, dropout=0.0, deepest_skip=1
-    ),
+    network=network_preset("etnet-half"),
     initialise="local",
     stages=(Stage(20_000), Stage(2_000, size=(184, 240), clips=1)),
     data=DataConfig(

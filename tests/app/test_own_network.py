@@ -35,7 +35,7 @@ def own(tmp_path):
 def test_the_documented_function_is_the_main_network_of_the_viewer(own, tmp_path):
     write_event_utils(made_up(), tmp_path / "recording.h5")
     catalogue = Catalogue(ViewerConfig(file=tmp_path / "recording.h5", model=str(own)))
-    assert [model.title for model in catalogue.models()][:2] == ["my_network", "etnet-half, first weights"]
+    assert [model.title for model in catalogue.models()][:2] == ["my_network", "etnet-half"]
     engine, inbox = Engine(catalogue, 64 << 20, threads=1, prefetches=False), Inbox()
     try:
         ids = catalogue.entries()[0].id, catalogue.models()[0].id
@@ -76,7 +76,7 @@ def test_weights_in_the_data_folder_are_offered_and_broken_ones_are_not(tmp_path
     (tmp_path / "deep").mkdir()
     (tmp_path / "deep" / "broken.safetensors").write_bytes(b"nothing of the kind")
     titles = [model.title for model in Catalogue(ViewerConfig(data=tmp_path)).models()]
-    assert titles == ["etnet-half, first weights", "my weights", "leaky integrator"]
+    assert titles == ["etnet-half", "my weights", "leaky integrator"]
     named = Catalogue(ViewerConfig(data=tmp_path, model=str(tmp_path / "mine.safetensors"))).models()
     assert [model.title for model in named].count("my weights") == 1
     assert named[0].title == "my weights"
