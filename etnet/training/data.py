@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from threading import Thread
 
 import cv2
 import numpy as np
@@ -25,6 +27,9 @@ ClipKey = tuple[int, int, int]
 
 NICENESS = 19
 """Workers yield to everything else on the machine."""
+
+PARENT_LOOK_SECONDS = 1.0
+"""How often a worker looks whether its run is still there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,3 +193,11 @@ def _be_modest(worker: int) -> None:
     torch.set_num_threads(1)
     with suppress(OSError):
         os.nice(NICENESS)
+    Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    # A killed run takes no clips any more, and a worker that has some to hand over would wait for ever.
+    while os.getppid() == parent:
+        time.sleep(PARENT_LOOK_SECONDS)
+    os._exit(1)

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -77,6 +78,13 @@ def test_a_run_can_be_taken_up_across_stages(tmp_path: Path):
     assert _same(whole.out, parts.out)
 
 
+def wait_for(holds: Callable[[], bool], seconds: float) -> None:
+    """Return when it holds, or after `seconds`."""
+    deadline = time.monotonic() + seconds
+    while not holds() and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
 KILLED = """
 import sys
 from pathlib import Path
@@ -93,9 +101,7 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path):
     root = Path(__file__).resolve().parents[2]
     process = subprocess.Popen(command, cwd=root, env={**os.environ, "OMP_NUM_THREADS": "1"})
     last = tmp_path / "killed" / LAST
-    deadline = time.monotonic() + 120
-    while not last.exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_for(last.exists, 120)
     time.sleep(0.15)
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -107,6 +113,47 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path):
     assert [line["update"] for line in read_log(config.out)] == [
         line["update"] for line in read_log(tmp_path / "whole")
     ]
+
+
+WITH_WORKER = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+from etnet.training.config import Stage
+from etnet.training.loop import train
+from tests.training.micro import micro
+if __name__ == "__main__":
+    config = micro(Path(sys.argv[1]), stages=(Stage(10_000, size=(64, 96)),))
+    train(replace(config, data=replace(config.data, workers=1)))
+"""
+
+
+def _is_running(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads children from /proc")
+def test_a_killed_run_leaves_no_worker_behind(tmp_path: Path):
+    script = tmp_path / "run.py"
+    script.write_text(WITH_WORKER)
+    root = Path(__file__).resolve().parents[2]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(root)}
+    process = subprocess.Popen([sys.executable, str(script), str(tmp_path / "killed")], cwd=root, env=environment)
+    wait_for((tmp_path / "killed" / LAST).exists, 120)
+    children = [int(child) for task in Path(f"/proc/{process.pid}/task").iterdir() for child in _children(task)]
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert children
+    wait_for(lambda: not any(map(_is_running, children)), 30)
+    assert not any(map(_is_running, children))
+
+
+def _children(task: Path) -> list[str]:
+    return (task / "children").read_text().split()
 
 
 def test_a_torn_write_leaves_the_old_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

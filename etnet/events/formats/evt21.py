@@ -13,13 +13,11 @@ import numpy as np
 
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.collect import Decoded, collect
-from etnet.events.formats.prophesee import Header
+from etnet.events.formats.prophesee import CLOCK_PERIOD, Header, tell_turns
 from etnet.events.formats.words import held, set_bits, unrolled
 
 _NEGATIVE, _POSITIVE, _TIME_HIGH = 0x0, 0x1, 0x8
 _BLOCK = 1 << 16
-_HIGH_PERIOD = 1 << 34
-"""µs after which 28 + 6 bits of time begin anew."""
 
 
 def open_evt21(request: Request, header: Header) -> Opened:
@@ -31,6 +29,7 @@ def open_evt21(request: Request, header: Header) -> Opened:
         remarks.repaired(f"{size % 8} bytes after the last whole word were left out; the file may be truncated")
     is_legacy = header.fields.get("endianness", "little") == "legacy"
     collected = collect(request, _pieces(request, header, size // 8, is_legacy), declared, remarks)
+    tell_turns(collected, remarks)
     return Opened("Prophesee EVT2.1", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
 
 
@@ -59,7 +58,7 @@ def _pieces(request: Request, header: Header, num_words: int, is_legacy: bool) -
                 high = int(highs[np.flatnonzero(is_high)[-1]])
             picked, stamps = words[chosen], times[chosen]
             last_raw = int(stamps[-1]) if len(stamps) else last
-            stamps, turns = unrolled(stamps, _HIGH_PERIOD, last, turns)
+            stamps, turns = unrolled(stamps, CLOCK_PERIOD, last, turns)
             last = last_raw
             rows, bits = set_bits((picked & np.uint64(0xFFFFFFFF)).astype(np.uint32))
             x = ((picked >> np.uint64(43)) & np.uint64(0x7FF)).astype(np.int64)[rows] + bits

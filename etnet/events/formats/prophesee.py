@@ -18,6 +18,9 @@ from etnet.events.formats.packets import Packets
 INDEXED_BYTES = 64 << 20
 """Files from this size on are indexed and read by slice; smaller ones are decoded at once."""
 
+CLOCK_PERIOD = 1 << 34
+"""µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 begin anew."""
+
 _ROUGH_BYTES = {"2.0": 4, "3.0": 6}
 _UNSTATED = (2048, 2048)
 """What the 11 address bits of an event can reach: given to faery, which needs a size but uses it for nothing."""
@@ -97,6 +100,12 @@ def read_header(request: Request) -> Header:
     return Header(fields, place)
 
 
+def tell_turns(collected: Collected, remarks: Remarks) -> None:
+    """Say that the clock of EVT 2.0 and 2.1 began anew. EVT 3.0's does so every 17 s, by design."""
+    if collected.span.stop >= CLOCK_PERIOD:
+        remarks.repaired("the 34-bit clock begins anew (every 4.8 hours) and was unrolled")
+
+
 def _open(request: Request) -> Opened:
     header = read_header(request)
     version = header.version
@@ -125,6 +134,8 @@ def _open(request: Request) -> Opened:
         collected = through_faery(request, kind, declared, _ROUGH_BYTES[version], remarks)
     if "camera" not in header.fields and "plugin_name" in header.fields:
         remarks.detected(f"camera {header.fields['plugin_name']}")
+    if version == "2.0":
+        tell_turns(collected, remarks)
     told = tuple(remarks.kept)
     return Opened(kind, collected.source, collected.sensor, collected.span, told, growth=collected.growth)
 
