@@ -23,6 +23,7 @@ from app.offered_models import ModelEntry, digest, offered_models
 from app.part_ids import known_as, whole_id
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
+from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.recording import Recording, Remark
 from etnet.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
@@ -220,7 +221,7 @@ class Catalogue:
             if path.suffix.lower() in VIDEO_SUFFIXES:
                 path, told = self._seen(path, progress)
             asked = self._config.downsample
-            opened = partial(open_recording, path, progress=progress, patience=OPENS_WITHIN)
+            opened = partial(open_recording, path, assume=self._stated(entry), progress=progress, patience=OPENS_WITHIN)
             recording = opened(view=View(self._config.region, asked or 1))
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
@@ -237,6 +238,11 @@ class Catalogue:
         recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
+
+    def _stated(self, entry: Entry) -> Assumptions:
+        """What the command line says of a recording: of the files that it names, and of no other."""
+        is_named = entry.kind in ("file", "data") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
+        return self._config.stated.assumptions() if is_named else NOTHING_ASSUMED
 
     def _seen(self, video: Path, progress: Callable[[float], None] | None) -> tuple[Path, tuple[Remark, ...]]:
         """What an event sensor sees of a video, made once while this catalogue lives; and that it is so."""

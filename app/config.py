@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
+from etnet.cli.stated import Stated
 from etnet.errors import EtnetError
 
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
@@ -64,6 +65,9 @@ class ViewerConfig:
     downsample: Literal[1, 2, 4] | None = None
     """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
 
+    stated: Annotated[Stated, tyro.conf.arg(name="")] = field(default_factory=Stated)
+    """Of FILE, and of what lies in --data."""
+
     uploads: Annotated[int | Literal["off"] | None, tyro.conf.arg(metavar="{off,MB}")] = None
     """MB that a visitor may hand over from his browser, or off. By default 256, and off where others can come in
     (--demo, --public-url, --host). His files are his alone, and go when he goes."""
@@ -88,7 +92,7 @@ class ViewerConfig:
             raise ConfigError(f"--host {self.host}: others could reach the viewer; give --token SECRET with it")
         if self.data is not None and not self.data.is_dir():
             raise ConfigError(f"--data {self.data}: there is no such folder")
-        _ = self.region
+        _ = self.region, self.stated.assumptions()
 
     @property
     def region(self) -> tuple[int, int, int, int] | None:

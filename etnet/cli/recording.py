@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from etnet.cli.progress import console, fraction_callback
-from etnet.errors import RecordingError
-from etnet.events.assumptions import Assumptions
+from etnet.cli.stated import Stated
 from etnet.events.open import open_recording
 from etnet.events.recording import Recording
 from etnet.events.view import View
@@ -17,19 +15,9 @@ from etnet.events.write import Layout, write_recording
 
 
 @dataclass(frozen=True)
-class Opening:
-    """How to take a file that does not say everything itself, and which part of it. Errors name these options."""
+class Opening(Stated):
+    """How to take a file that does not say everything itself, and which part of it."""
 
-    assume: str | None = None
-    """The sensor: width=640,height=480."""
-    sort: bool = False
-    """Put stamps in order; the whole file is loaded."""
-    drop_outside: bool = False
-    """Leave out events beyond the sensor; the whole file is loaded."""
-    polarity: Literal["auto", "inverted", "positive"] = "auto"
-    """"auto" takes 0/1 and −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON."""
-    time_unit: Literal["s", "ms", "us", "ns"] | None = None
-    """What the stamps count."""
     region: tuple[int, int, int, int] | None = None
     """x y width height, pixels."""
     downsample: Literal[1, 2, 4] = 1
@@ -38,23 +26,9 @@ class Opening:
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""
 
-    def assumptions(self) -> Assumptions:
-        """What is stated about the file."""
-        width, height = _sensor(self.assume)
-        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside)
-
     def view(self) -> View:
         """Which part of it is seen, and how."""
         return View(self.region, self.downsample, self.flip, self.rotate)
-
-
-def _sensor(text: str | None) -> tuple[int | None, int | None]:
-    if text is None:
-        return None, None
-    found = re.fullmatch(r"width=(\d+),height=(\d+)", text.replace(" ", ""))
-    if found is None:
-        raise RecordingError(f"--assume {text!r} is not understood; it takes width=640,height=480")
-    return int(found[1]), int(found[2])
 
 
 def open_with_progress(path: Path, opening: Opening) -> Recording:

@@ -19,6 +19,7 @@ from app.catalogue import (
 from app.config import ConfigError, ViewerConfig
 from app.folder import RESTS, recordings_in
 from etnet.bundled import samples
+from etnet.cli.stated import Stated
 from etnet.errors import EtnetError, WeightsError
 from etnet.export.video import video_writer
 from etnet.windows import BetweenFrames, ByDensity
@@ -80,6 +81,19 @@ def test_a_broken_file_is_an_error_with_a_name(folder):
     catalogue = Catalogue(ViewerConfig(data=folder))
     with pytest.raises(EtnetError, match=r"broken\.h5"):
         catalogue.open(entry_of(catalogue, "broken.h5").id)
+
+
+def test_what_is_stated_holds_for_the_files_that_are_named_and_for_no_other(folder):
+    rows = np.array([[0.2, 3, 4, 1], [0.1, 5, 6, 0], [0.3, 7, 8, 1]])
+    np.savetxt(folder / "back.txt", rows, fmt="%.6f %d %d %d")
+    taken = Catalogue(ViewerConfig(data=folder))
+    with pytest.raises(EtnetError, match="--sort"):
+        taken.open(entry_of(taken, "back.txt").id)
+    stated = Catalogue(ViewerConfig(data=folder, stated=Stated(assume="width=64,height=32", sort=True)))
+    recording = stated.open(entry_of(stated, "back.txt").id)
+    assert recording.read(0, 3).t.tolist() == [100_000, 200_000, 300_000]
+    assert recording.sensor.width == 64
+    assert stated.open(f"bundled-{samples()[0].stem}").sensor.width == 240
 
 
 def test_two_visitors_share_one_opened_recording(folder):
@@ -262,10 +276,11 @@ def test_a_region_is_applied_on_opening():
         ({"port": 70_000}, "--port"),
         ({"budget": 1}, "--budget"),
         ({"threads": 0}, "--threads"),
+        ({"stated": Stated(assume="640x480")}, "--assume"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_line(options, said):
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(EtnetError, match=said):
         ViewerConfig(**options)
 
 
@@ -282,8 +297,21 @@ def test_the_command_line_is_the_configuration(tmp_path):
     import tyro
 
     config = tyro.cli(
-        ViewerConfig, args=["some.h5", "--data", str(tmp_path), "--roi", "1,2,30,40", "--downsample", "2"]
+        ViewerConfig,
+        args=[
+            "some.h5",
+            "--data",
+            str(tmp_path),
+            "--roi",
+            "1,2,30,40",
+            "--downsample",
+            "2",
+            "--sort",
+            "--time-unit",
+            "ms",
+        ],
     )
+    assert config.stated == Stated(sort=True, time_unit="ms")
     assert config.file.name == "some.h5"
     assert config.region == (1, 2, 30, 40)
     assert config.downsample == 2

@@ -1,0 +1,40 @@
+"""What somebody can state about a file on a command line. Errors and remarks name these options."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from etnet.errors import RecordingError
+from etnet.events.assumptions import Assumptions
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a file does not say itself, and what may be mended in it."""
+
+    assume: str | None = None
+    """The sensor: width=640,height=480."""
+    sort: bool = False
+    """Put stamps in order; the whole file is loaded."""
+    drop_outside: bool = False
+    """Leave out events beyond the sensor; the whole file is loaded."""
+    polarity: Literal["auto", "inverted", "positive"] = "auto"
+    """"auto" takes 0/1 and −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON."""
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    """What the stamps count."""
+
+    def assumptions(self) -> Assumptions:
+        """The same, for a reader."""
+        width, height = _sensor(self.assume)
+        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside)
+
+
+def _sensor(text: str | None) -> tuple[int | None, int | None]:
+    if text is None:
+        return None, None
+    found = re.fullmatch(r"width=(\d+),height=(\d+)", text.replace(" ", ""))
+    if found is None:
+        raise RecordingError(f"--assume {text!r} is not understood; it takes width=640,height=480")
+    return int(found[1]), int(found[2])
