@@ -17,10 +17,11 @@ from typing import Literal
 
 from app.config import ViewerConfig
 from app.crew import CREW
-from app.films import Films, split_id
+from app.films import Films
 from app.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
 from app.offered_models import ModelEntry, digest, offered_models
 from app.part_ids import known_as, whole_id
+from app.stated_ids import listed_id, stated_in
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
@@ -104,7 +105,7 @@ class Catalogue:
         with self._lock:
             known = {entry.id for entry in entries} | self._private.keys()
             self._entries = entries
-            for gone in [key for key in self._open if whole_id(key) not in known]:
+            for gone in [key for key in self._open if listed_id(key) not in known]:
                 del self._open[gone]  # closed when its last user lets go of it
             for gone in self._opening.keys() - known:
                 del self._opening[gone]
@@ -125,7 +126,7 @@ class Catalogue:
 
     def entry(self, recording_id: str) -> Entry:
         """The entry of an id, a part's too; an error if there is none. A film under another setting has its video's."""
-        recording_id, _ = split_id(whole_id(recording_id))
+        recording_id = listed_id(recording_id)
         found = self._private.get(recording_id) or next((e for e in self._entries if e.id == recording_id), None)
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
@@ -154,15 +155,15 @@ class Catalogue:
             with self._lock:
                 if (held := self._held(recording_id)) is not None:
                     return held
-            if recording_id != entry.id:
+            if recording_id != whole_id(recording_id):
                 raise CatalogueError(
                     f"{entry.title}: this part of it is closed, for more of it is known; open it again"
                 )
-            recording = self._read(entry, progress)
+            recording = self._read(entry, self._stated(entry, recording_id), progress)
             with self._lock:
                 if entry.kind == "upload" and entry.id not in self._private:
                     raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
-                self._open[known_as(entry.id, recording)] = recording
+                self._open[known_as(recording_id, recording)] = recording
                 while len(self._open) > KEPT_OPEN:
                     self._open.popitem(last=False)  # closed when its last user lets go of it
             return recording
@@ -185,14 +186,13 @@ class Catalogue:
         with self._lock:
             self._private[entry.id] = entry
 
-    def let_go(self, recording_id: str) -> Recording | None:
-        """Forget what was taken in; gives it, if it was open. It is closed when its last user lets go of it."""
+    def let_go(self, recording_id: str) -> tuple[Recording, ...]:
+        """Forget what was taken in; gives what was open of it, which is closed when its last user lets go of it."""
         self.films.let_go(recording_id)
         with self._lock:
             self._private.pop(recording_id, None)
             self._opening.pop(recording_id, None)
-            parts = [key for key in self._open if whole_id(key) == recording_id]
-            return next((self._open.pop(key) for key in parts), None)
+            return tuple(self._open.pop(key) for key in [key for key in self._open if listed_id(key) == recording_id])
 
     def is_film(self, entry: Entry) -> bool:
         """Whether an entry is a video that is simulated while it is looked at. A part of one is simulated first."""
@@ -210,7 +210,7 @@ class Catalogue:
         if scratch is not None:
             scratch.cleanup()
 
-    def _read(self, entry: Entry, progress: Callable[[float], None] | None) -> Recording:
+    def _read(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> Recording:
         from etnet.events.open import open_recording
         from etnet.events.view import View
 
@@ -221,7 +221,7 @@ class Catalogue:
             if path.suffix.lower() in VIDEO_SUFFIXES:
                 path, told = self._seen(path, progress)
             asked = self._config.downsample
-            opened = partial(open_recording, path, assume=self._stated(entry), progress=progress, patience=OPENS_WITHIN)
+            opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
             recording = opened(view=View(self._config.region, asked or 1))
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
@@ -239,10 +239,18 @@ class Catalogue:
         weakref.finalize(recording, recording.source.close)
         return recording
 
-    def _stated(self, entry: Entry) -> Assumptions:
-        """What the command line says of a recording: of the files that it names, and of no other."""
+    def can_be_stated(self, entry: Entry) -> bool:
+        """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
+        is_his = entry.kind in ("file", "data", "upload") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
+        return is_his and not self._config.is_open
+
+    def _stated(self, entry: Entry, recording_id: str) -> Assumptions:
+        """What is stated of a recording: in its id, else on the command line, which speaks of the files it names."""
+        said = stated_in(recording_id)
+        if said != NOTHING_ASSUMED and not self.can_be_stated(entry):
+            raise CatalogueError(f"{entry.title}: is taken at its word here; open it without a statement")
         is_named = entry.kind in ("file", "data") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
-        return self._config.stated.assumptions() if is_named else NOTHING_ASSUMED
+        return self._config.stated.assumptions() if is_named and said == NOTHING_ASSUMED else said
 
     def _seen(self, video: Path, progress: Callable[[float], None] | None) -> tuple[Path, tuple[Remark, ...]]:
         """What an event sensor sees of a video, made once while this catalogue lives; and that it is so."""

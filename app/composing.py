@@ -13,7 +13,6 @@ from app.link import to_link
 from app.looking.lanes import scored, slot_of
 from app.own_catalogue import OwnCatalogue
 from app.panels.base import Choice, Page
-from app.part_ids import whole_id
 from app.present import AttentionLook, ModelFacts, Moment, Tones
 from app.present.lane import LaneShown
 from app.present.timeline import Cached
@@ -49,22 +48,16 @@ class Composer:
             ModelFacts(model.title, model.trained_band, model.card),
             self.engine.status(answers.wish).step_milliseconds if answers.wish else None,
             moves,
-            self._recordings(state.recording_id),
+            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self.catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in self.catalogue.models()),
             self.held.trouble,
             self.catalogue.growing(),
             findings=self.studying.findings,
             lanes=self._lanes(state, moment),
             film=self.catalogue.film(state.recording_id),
+            can_be_stated=self.catalogue.can_be_stated(state.recording_id),
             desk=None if self.desk is None else self.desk.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not drags else "",
-        )
-
-    def _recordings(self, shown: str) -> tuple[Choice, ...]:
-        """What can be chosen; the one on show by the id of what of it is open."""
-        entries = self.catalogue.entries()
-        return tuple(
-            Choice(shown if whole_id(shown) == entry.id else entry.id, entry.title, entry.subtitle) for entry in entries
         )
 
     def _lanes(self, state: ViewState, moment: Moment | None) -> tuple[LaneShown, ...]:

@@ -100,12 +100,16 @@ class ViewerConfig:
         return None if self.roi is None else _region(self.roi)
 
     @property
+    def is_open(self) -> bool:
+        """Whether others than who started the viewer can come in."""
+        return self.demo or self.public_url is not None or self.host not in LOOPBACK_HOSTS
+
+    @property
     def upload_megabytes(self) -> int | None:
         """MB that a visitor may hand over; `None` where nothing is taken."""
         if self.uploads is not None:
             return self.uploads if isinstance(self.uploads, int) else None
-        is_open = self.demo or self.public_url is not None or self.host not in LOOPBACK_HOSTS
-        return None if is_open else UPLOADS
+        return None if self.is_open else UPLOADS
 
     @property
     def budget_bytes(self) -> int:

@@ -134,9 +134,9 @@ class Viewer:
         """Forget a visitor's recording with everything that was computed of it."""
         from app.cleaned import forget_cleaned
 
-        recording = self.catalogue.let_go(recording_id)
+        recordings = self.catalogue.let_go(recording_id)
         self._forget(recording_id)
-        if recording is not None:
+        for recording in recordings:
             forget_cleaned(recording)
 
     def _forget(self, recording_id: str) -> None:

@@ -69,6 +69,13 @@ class OwnCatalogue:
         else:
             self._shared.films.watch(self._visitor, None)
 
+    def can_be_stated(self, recording_id: str) -> bool:
+        """Whether he may say of a recording what its file does not; not of one that is gone."""
+        try:
+            return self._shared.can_be_stated(self.entry(recording_id))
+        except CatalogueError:
+            return False
+
     def film(self, recording_id: str) -> FilmShown | None:
         """How far a video is simulated; `None` for all that is no video."""
         return self._shared.films.shown(recording_id)

@@ -6,6 +6,7 @@ from collections import OrderedDict
 from dataclasses import replace
 from threading import Lock
 
+from app.stated_ids import is_of
 from app.wishes import Ready, Wish
 
 LARGEST = 32 << 20
@@ -36,7 +37,7 @@ class RecentFrames:
     def forget(self, recording_id: str) -> None:
         """Let go of a recording's frames."""
         with self._lock:
-            for key in [key for key in self._held if key[0] == recording_id]:
+            for key in [key for key in self._held if is_of(str(key[0]), recording_id)]:
                 self._nbytes -= self._held.pop(key).frame.nbytes
 
     def find(self, wish: Wish) -> Ready | None:

@@ -12,7 +12,6 @@ from app import intents as ask
 from app.attract import FORBIDDEN, Attract, Throttle, intents_of
 from app.catalogue import CatalogueError
 from app.channel import AskHelp, Copied, FollowLink, Touched
-from app.films import split_id
 from app.layout import close_modal, show_help
 from app.link import LinkError, from_link
 from app.looking.cutting import SLOT as CUT
@@ -20,6 +19,7 @@ from app.looking.taking import SLOT, Made
 from app.own_catalogue import OwnCatalogue
 from app.show_view import LeaveIt, PointAt
 from app.source_view import LeaveCut
+from app.stated_ids import listed_id
 from app.studying import Found
 from app.view_state import Limits, ViewState, reduce
 
@@ -80,7 +80,7 @@ class Showing:
         """A view that a browser kept, brought to what this catalogue holds; what was left out is said."""
         known = [entry.id for entry in self._catalogue.entries()]
         models = [entry.id for entry in self._catalogue.models()]
-        if split_id(recalled.recording_id)[0] not in known:
+        if listed_id(recalled.recording_id) not in known:
             recalled = reduce(recalled, ask.OpenRecording(next(iter(known), "")), Limits())
             refused = (*refused, "the recording")
         if recalled.model_id not in models:

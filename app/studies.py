@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from threading import Condition
 from typing import Any, Protocol
 
+from app.stated_ids import is_of
 from app.studio import Stage, Studio
 from app.wishes import Wish
 from etnet.errors import Cancelled, EtnetError, ModelError
@@ -98,7 +99,7 @@ class StudyBook:
     def forget(self, recording_id: str) -> None:
         """Let go of every answer about a recording."""
         with self._changed:
-            for study in [study for study in self._kept if study.wish.recording_id == recording_id]:
+            for study in [study for study in self._kept if is_of(study.wish.recording_id, recording_id)]:
                 self._kept_bytes -= self._kept.pop(study)[1]
 
     @property

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from app.cleaned import cleaned_once
 from app.growth import grown_plan
 from app.offered_models import ModelEntry
+from app.stated_ids import is_of
 from app.wishes import Wish
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
@@ -205,7 +206,7 @@ class Studio:
 
     def forget(self, recording_id: str) -> None:
         """Let go of every playback of a recording."""
-        self._let_go([key for key in self._stages if key[0] == recording_id])
+        self._let_go([key for key in self._stages if is_of(str(key[0]), recording_id)])
 
     def attention(self, wish: Wish) -> Attention | None:
         """The attention of a wish's frame, if it is still held."""

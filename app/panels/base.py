@@ -65,6 +65,8 @@ class Page:
     """The files that this visitor handed over; `None` where nothing is taken."""
     film: FilmShown | None = None
     """How far the video on show is simulated; `None` for what is no video."""
+    can_be_stated: bool = False
+    """Whether the visitor may say of this recording what its file does not."""
 
     @property
     def missed(self) -> int | None:

@@ -7,12 +7,12 @@ from html import escape
 import viser
 
 from app.channel import ON_PICK
-from app.films import split_id
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
 from app.present import camera_frame_html, event_image_html, places_html
 from app.present.handing import public_handing_html
 from app.show_view import Act
+from app.stated_ids import listed_id
 
 SAYINGS: dict[Act, tuple[str, str]] = {
     "events": (
@@ -93,7 +93,7 @@ def _bar(page: Page) -> str:
     if page.state.show.act != "none":
         return '<div class="etv-bar" data-testid="invitation"><b>Touch anything to try it yourself</b></div>'
     recordings = "".join(
-        f'<button class="etv-big{" etv-chosen" if choice.id == split_id(page.state.recording_id)[0] else ""}" '
+        f'<button class="etv-big{" etv-chosen" if choice.id == listed_id(page.state.recording_id) else ""}" '
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'
         for choice in page.recordings
     )

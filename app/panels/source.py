@@ -10,14 +10,16 @@ import viser
 
 from app import intents as ask
 from app.channel import ON_PICK
-from app.films import CONTRASTS, NOISES, USUAL, film_id, split_id
+from app.films import CONTRASTS, NOISES, USUAL, film_id
 from app.looking.cutting import SLOT as CUT
 from app.looking.doctor import SLOT
 from app.panels.base import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from app.panels.statement import Statement
 from app.present.examination import closed_html, doctor_html
 from app.present.excerpt import excerpt_html
 from app.present.film import film_html
 from app.present.handing import handing_html
+from app.stated_ids import listed_id
 from app.studies import Finding
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
@@ -44,6 +46,8 @@ class Source:
         self._noise = gui.add_slider("Sensor noise", *NOISES, 0.1, USUAL[1], visible=False)
         self._film = Html(gui)
         self._recording_id = ""
+        self._statement = Statement()
+        self._statement.build(gui, dispatch)
         self._kind = gui.add_dropdown("Windows by", KINDS)
         self._number = gui.add_number("Each holds", 0.35, min=0.0001)
         self._model = gui.add_dropdown("Network", ("–",))
@@ -62,9 +66,10 @@ class Source:
 
     def show(self, page: Page) -> None:
         """Let the widgets say what is open, and list what was noticed on opening it."""
-        _offer(self._recording, self._recordings, page.recordings, split_id(page.state.recording_id)[0])
+        _offer(self._recording, self._recordings, page.recordings, listed_id(page.state.recording_id))
         self._handing.show("" if page.desk is None else handing_html(page.desk, ON_PICK))
         self._show_film(page)
+        self._statement.show(page)
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)

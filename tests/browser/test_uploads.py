@@ -123,3 +123,21 @@ def test_what_is_sent_beyond_the_declared_size_is_cut_off(own_page, small_viewer
     own_page.get_by_role("tab", name="Recording").click()
     own_page.get_by_test_id("refused").get_by_text("liar.raw: more came").wait_for()
     assert not held_files(small_viewer.uploads)
+
+
+def test_what_a_file_does_not_say_can_be_said(own_page, tmp_path):
+    page, path = own_page, tmp_path / "back.txt"
+    rows = np.array([[0.001 * (i + (1 if i % 50 else 9)), i % 40, i % 30, i % 2] for i in range(3000)])
+    np.savetxt(path, rows, fmt="%.6f %d %d %d")
+    choose(page, path)
+    page.get_by_text("open it with --sort").first.wait_for()
+    page.get_by_text("What the file does not say").click()
+    page.get_by_text("Put in order").click()
+    page.get_by_label("Sensor").fill("wide")
+    page.get_by_role("button", name="Open it so").click()
+    page.get_by_text("640×480").first.wait_for()
+    page.get_by_label("Sensor").fill("40x30")
+    page.get_by_role("button", name="Open it so").click()
+    page.get_by_test_id("facts").get_by_text("3,000").wait_for()
+    until_window(page, 0)
+    page.get_by_test_id("facts").get_by_text("sorted").first.wait_for()
