@@ -31,6 +31,8 @@ from etnet.events.formats.ros_messages import (
     parse_picture,
     plain_type,
 )
+from etnet.events.formats.ros_parts import SUFFIXES, parts_in_order
+from etnet.events.formats.store import FolderStore
 from etnet.events.recording import GroundTruth
 
 _SQLITE = b"SQLite format 3\0"
@@ -151,8 +153,7 @@ def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Deco
             yield part
 
 
-def _open_messages(request: Request, what: str, messages: Iterator[Message], is_cdr: bool) -> Opened:
-    remarks = Remarks()
+def _open_messages(request: Request, what: str, messages: Iterator[Message], is_cdr: bool, remarks: Remarks) -> Opened:
     bag = _Bag(request, is_cdr, FrameCache(request.scratch))
     parts = _guarded(bag, messages, what)
     first = next(parts, None)
@@ -221,23 +222,25 @@ def _truth(bag: _Bag, collected: Collected, remarks: Remarks) -> GroundTruth | N
 
 
 def _opener(what: str, messages: Callable[[Path], Iterator[Message]], is_cdr: bool) -> Callable[[Request], Opened]:
-    return lambda request: _open_messages(request, what, messages(request.path), is_cdr)
+    return lambda request: _open_messages(request, what, messages(request.path), is_cdr, Remarks())
 
 
 def _open_folder(request: Request) -> Opened:
     """The folder of a ROS 2 recording: its parts one after the other."""
-    parts = [name for name in request.members if name.endswith((".mcap", ".db3"))]
+    remarks, store = Remarks(), FolderStore(request.path)
+    parts = [store.local_path(name) for name in parts_in_order(request, remarks)]
 
     def messages() -> Iterator[Message]:
-        for name in parts:
-            reader = read_mcap if name.endswith(".mcap") else _messages_of_database
-            yield from reader(request.path / name)
+        for number, part in enumerate(parts):
+            reader = read_mcap if part.suffix == ".mcap" else _messages_of_database
+            for message in reader(part):
+                yield message._replace(fraction=(number + message.fraction) / len(parts))
 
-    return _open_messages(request, "ROS 2 folder", messages(), True)
+    return _open_messages(request, "ROS 2 folder", messages(), True, remarks)
 
 
 def _is_folder(request: Request) -> bool:
-    return request.path.is_dir() and any(name.endswith((".mcap", ".db3")) for name in request.members)
+    return request.path.is_dir() and any(name.endswith(SUFFIXES) for name in request.members)
 
 
 ROS1_BAG = Format(

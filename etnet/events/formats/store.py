@@ -69,7 +69,7 @@ class FolderStore:
         """A stream from the file's start."""
         return self._inside(name).open("rb")
 
-    def local_path(self, name: str) -> Path | None:
+    def local_path(self, name: str) -> Path:
         """The file's own path."""
         return self._inside(name)
 
