@@ -13,11 +13,10 @@ from etnet.events.formats.event_stream import EVENT_STREAM
 from etnet.events.formats.forty_bits import FORTY_BITS
 from etnet.events.formats.hdf5_layouts import HDF5
 from etnet.events.formats.matlab import MATLAB_V5, MATLAB_V73
-from etnet.events.formats.named_text import NAMED_TEXT
 from etnet.events.formats.packed import packed_formats
 from etnet.events.formats.prophesee import RAW
 from etnet.events.formats.ros_bags import MCAP, ROS1_BAG, ROS2_DATABASE, ROS2_FOLDER
-from etnet.events.formats.text import TEXT, TEXT_STORE
+from etnet.events.formats.text import NAMED_TEXT, TEXT, TEXT_STORE
 
 _PLAIN: tuple[Format, ...] = (
     MATLAB_V73,
