@@ -7,7 +7,7 @@ from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 
 from etnet.errors import RecordingError
-from etnet.events.assumptions import TimeUnit
+from etnet.events.assumptions import TimeUnit, said_unit
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks
 from etnet.events.formats.rows import Columns
@@ -62,7 +62,7 @@ def plain_layout(head: bytes, name: str, remarks: Remarks, stated: TimeUnit | No
 def judged_unit(stamps: list[bytes], remarks: Remarks, stated: TimeUnit | None) -> TimeUnit:
     """The unit that nothing names, by the first stamps; one alone may be a 0 of seconds or of µs."""
     if stated is not None:
-        remarks.assumed(f"stamps count {stated}, as stated")
+        remarks.assumed(said_unit(stated))
         return stated
     unit: TimeUnit = "us"
     if any(_has_fraction(stamp) for stamp in stamps):
