@@ -106,7 +106,7 @@ def _order(rows: Rows, remarks: Remarks) -> Columns:
         return Columns(0, 1, 2, 3)
     first, _, third, fourth = ([float(row[place]) for row in rows] for place in range(4))
     if _is_polarity(third) and _is_time(fourth):
-        found, names, why = Columns(3, 0, 1, 2), "x, y, p, t", "the third is a polarity and the fourth grows"
+        found, names, why = Columns(3, 0, 1, 2), "x, y, p, t", "the third holds ON and OFF, the fourth grows"
     elif _is_polarity(fourth) and _is_time(third) and _is_ordered(third) and _are_pixels(first):
         found, names, why = Columns(2, 0, 1, 3), "x, y, t, p", "the third never falls, the first does"
     else:

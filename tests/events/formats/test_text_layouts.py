@@ -74,6 +74,7 @@ def test_columns_without_names_are_told_by_what_they_hold_and_that_is_said(order
     for polarity in ("auto", "positive"):
         said = texts_of(path, assume=Assumptions(width=20, height=12, polarity=polarity))
         assert any("columns are " + ", ".join(order.replace(" ", ",").split(",")) in text for text in said)
+        assert any("polarity is coded" in text for text in said) is (polarity == "auto")
 
 
 def test_one_row_is_enough_to_tell_a_stamp_from_a_polarity(tmp_path):
