@@ -54,5 +54,10 @@ class Assumptions:
         return self.sort or self.drop_outside
 
 
+def said_unit(unit: TimeUnit) -> str:
+    """What a reader remarks when it follows the stated unit; without it `open` says that the unit was not used."""
+    return f"stamps count {unit}, as stated"
+
+
 NOTHING_ASSUMED = Assumptions()
 """The file is taken at its word."""

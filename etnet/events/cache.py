@@ -149,6 +149,7 @@ class FrameCache:
     """Frames of one shape and type, kept as they came; beyond the cap they lie in a scratch file."""
 
     scratch: Scratch
+    file: str = "frames"
     _frames: list[np.ndarray] = field(default_factory=list)
     _num_bytes: int = 0
     _num_spilled: int = 0
@@ -158,12 +159,18 @@ class FrameCache:
         self._frames.append(frame)
         self._num_bytes += frame.nbytes
         if self._num_bytes > MEMORY_CAP:
-            with self.scratch.path("frames", self._num_bytes).open("ab") as file:
+            with self.scratch.path(self.file, self._num_bytes).open("ab") as file:
                 for held in self._frames:
                     held.tofile(file)
             self._num_spilled += len(self._frames)
             self._like = self._frames[0]
             self._frames, self._num_bytes = [], 0
+
+    def drop(self) -> None:
+        """Give up all frames."""
+        if self._num_spilled:
+            self.scratch.path(self.file).unlink()
+        self._frames, self._num_bytes, self._num_spilled = [], 0, 0
 
     def __len__(self) -> int:
         return self._num_spilled + len(self._frames)
@@ -174,7 +181,7 @@ class FrameCache:
             return self._frames[index - self._num_spilled]
         shape, dtype = self._like.shape, self._like.dtype
         return np.fromfile(
-            self.scratch.path("frames"), dtype, int(np.prod(shape)), offset=index * self._like.nbytes
+            self.scratch.path(self.file), dtype, int(np.prod(shape)), offset=index * self._like.nbytes
         ).reshape(shape)
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from etnet.errors import RecordingError
-from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, Progress
+from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, Progress, said_unit
 from etnet.events.cache import Scratch
 from etnet.events.events import Events
-from etnet.events.formats.base import HEAD_BYTES, Request, contained
+from etnet.events.formats.base import HEAD_BYTES, Opened, Request, contained
 from etnet.events.formats.store import FolderStore, ZipStore
 from etnet.events.formats.table import FORMATS, choose
 from etnet.events.recording import Bracketing, EventSource, Recording, Remark
@@ -76,7 +76,7 @@ def open_recording(
         source=_OwningSource(opened.source, kept),
         sensor=opened.sensor,
         span=opened.span,
-        remarks=opened.remarks + _stated_polarity(assume),
+        remarks=opened.remarks + _stated_polarity(assume) + _unused_unit(assume, opened),
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
@@ -87,6 +87,14 @@ def open_recording(
 def _stated_polarity(assume: Assumptions) -> tuple[Remark, ...]:
     said = {"inverted": "ON and OFF are swapped, as stated", "positive": "every polarity above 0 is ON, as stated"}
     return (Remark("assumed", said[assume.polarity]),) if assume.polarity in said else ()
+
+
+def _unused_unit(assume: Assumptions, opened: Opened) -> tuple[Remark, ...]:
+    unit = assume.time_unit
+    if unit is None or any(remark.text == said_unit(unit) for remark in opened.remarks):
+        return ()
+    text = f"the stated unit, {unit}, is not used: what stamps count is settled by the format, {opened.format}"
+    return (Remark("detected", text),)
 
 
 def _request(path: Path, assume: Assumptions, progress: Progress, resources: ExitStack, scratch: Scratch) -> Request:

@@ -56,12 +56,16 @@ class Opened:
 
 @dataclass(frozen=True)
 class Format:
-    """One line of the table of formats. `suffixes` help only where the content leaves a choice."""
+    """One line of the table of formats. `suffixes` help only where the content leaves a choice.
+
+    `is_known_by_content`: false where nothing but the suffix tells; such a format is taken where no other one fits.
+    """
 
     name: str
     suffixes: tuple[str, ...]
     recognises: Callable[[Request], bool]
     open: Callable[[Request], Opened]
+    is_known_by_content: bool = True
 
 
 @dataclass

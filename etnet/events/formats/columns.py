@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Int8, Int64, Shaped, UInt16
 
 from etnet.errors import RecordingError
-from etnet.events.assumptions import Assumptions, TimeUnit
+from etnet.events.assumptions import Assumptions, TimeUnit, said_unit
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks
 
@@ -89,7 +89,7 @@ def from_nanoseconds(t: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " n"]:
 def guessed_unit(sample: Shaped[np.ndarray, " n"], assume: Assumptions, remarks: Remarks) -> TimeUnit:
     """The unit that nothing declares: fractions are seconds, whole numbers µs, ns where µs would be absurd."""
     if assume.time_unit is not None:
-        remarks.assumed(f"stamps count {assume.time_unit}, as stated")
+        remarks.assumed(said_unit(assume.time_unit))
         return assume.time_unit
     if sample.dtype.kind == "f" and bool((sample != np.rint(sample)).any()):
         unit, why = "s", "they have fractions"

@@ -13,7 +13,7 @@ from etnet.errors import RecordingError
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.collect import Decoded, collect
 from etnet.events.formats.paged import PAGE, paged
-from etnet.events.formats.prophesee import read_header
+from etnet.events.formats.prophesee import RAW, Header, read_header
 
 _EVENT_TYPES = (0x00, 0x0C)
 """Change events: the old "2d" and the later "CD"; both have one layout in version 2."""
@@ -23,10 +23,8 @@ def _open(request: Request) -> Opened:
     remarks = Remarks()
     header = read_header(request)
     version = header.fields.get("Version", "1")
-    with request.path.open("rb") as file:
-        file.seek(header.num_bytes)
-        kind = file.read(2)
-    if len(kind) < 2 or kind[0] not in _EVENT_TYPES or kind[1] != 8:
+    kind = _record_kind(request, header)
+    if not _is_kind(kind):
         raise RecordingError(
             f"{request.name}: a DAT file of event type {kind.hex() or 'none'}; "
             "wanted change events of 8 bytes (0008 or 0c08)"
@@ -54,6 +52,17 @@ def _open(request: Request) -> Opened:
     return Opened(name, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
 
 
+def _record_kind(request: Request, header: Header) -> bytes:
+    """The type and the size of the records, two bytes after the header."""
+    with request.path.open("rb") as file:
+        file.seek(header.num_bytes)
+        return file.read(2)
+
+
+def _is_kind(kind: bytes) -> bool:
+    return len(kind) == 2 and kind[0] in _EVENT_TYPES and kind[1] == 8
+
+
 def _decoded(words: np.ndarray, bits: tuple[int, int], offset: int) -> Decoded:
     stamps, address = words[:, 0].astype(np.int64) + offset, np.asarray(words[:, 1])
     x = (address & ((1 << bits[0]) - 1)).astype(np.uint16)
@@ -74,9 +83,12 @@ def _unrolled(words: np.ndarray, bits: tuple[int, int], offset: int) -> Iterator
 
 
 def _is_dat(request: Request) -> bool:
-    return request.head[:1] == b"%" and (
-        b"% Data file containing" in request.head or b"% Version" in request.head or request.suffix == ".dat"
-    )
+    """By the header's own words, or by the records that follow it; a RAW file's header may have the same words."""
+    if request.head[:1] != b"%":
+        return False
+    has_words = b"% Data file containing" in request.head or b"% Version" in request.head
+    has_records = _is_kind(_record_kind(request, read_header(request)))
+    return (has_words and has_records) if RAW.recognises(request) else (has_words or has_records)
 
 
 DAT = Format("Prophesee DAT", (".dat",), _is_dat, _open)

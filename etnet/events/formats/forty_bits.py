@@ -31,4 +31,6 @@ def _open(request: Request) -> Opened:
     return Opened("N-MNIST .bin", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
 
 
-FORTY_BITS = Format("N-MNIST .bin", (".bin",), lambda request: request.suffix == ".bin", _open)
+FORTY_BITS = Format(
+    "N-MNIST .bin", (".bin",), lambda request: request.suffix == ".bin", _open, is_known_by_content=False
+)

@@ -1,14 +1,12 @@
-"""CSV and text whose first line names the columns, in any order, with any further columns."""
+"""Event text whose first line names the columns, in any order, with any further columns."""
 
 from __future__ import annotations
 
-from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.arrays import NAMES
-from etnet.events.formats.base import Format, Opened, Remarks, Request
-from etnet.events.formats.collect import collect
+from etnet.events.formats.base import Remarks
 from etnet.events.formats.rows import Columns
-from etnet.events.formats.text import text_pieces
+from etnet.events.formats.text_layout import Layout, judged_unit, sampled_rows
 
 _UNITS: tuple[tuple[str, TimeUnit], ...] = (
     ("us", "us"),
@@ -20,6 +18,23 @@ _UNITS: tuple[tuple[str, TimeUnit], ...] = (
     ("milli", "ms"),
     ("sec", "s"),
 )
+
+
+def named_layout(head: bytes, remarks: Remarks, stated: TimeUnit | None) -> Layout | None:
+    """Columns by the names in the first line; None where it names none."""
+    header = _header(head)
+    if header is None:
+        return None
+    tokens, skipped = header
+    places = _places(tokens) or {}
+    unit = _unit(tokens, places["t"], head[skipped:], remarks, stated)
+    columns = Columns(places["t"], places["x"], places["y"], places["p"], len(tokens), unit)
+    return Layout(columns, skipped, 1)
+
+
+def names_columns(head: bytes) -> bool:
+    """Whether the first line does."""
+    return _header(head) is not None
 
 
 def _header(head: bytes) -> tuple[list[str], int] | None:
@@ -62,36 +77,9 @@ def _named_unit(token: str) -> TimeUnit | None:
     return next((unit for mark, unit in _UNITS if mark in tail), None)
 
 
-def _open(request: Request) -> Opened:
-    remarks = Remarks()
-    header = _header(request.head)
-    if header is None:
-        raise RecordingError(f"{request.name}: its first line does not name x, y, t and p")
-    tokens, skipped = header
-    places = _places(tokens) or {}
-    unit = _unit_of(tokens[places["t"]], request, skipped, places["t"], remarks)
-    columns = Columns(places["t"], places["x"], places["y"], places["p"], len(tokens), unit)
-    size = request.path.stat().st_size
-    with request.path.open("rb") as stream:
-        stream.read(skipped)
-        collected = collect(request, text_pieces(stream, size, columns, request.name, 2), None, remarks)
-    return Opened("CSV", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
-
-
-def _unit_of(name: str, request: Request, skipped: int, place: int, remarks: Remarks) -> TimeUnit:
-    if request.assume.time_unit is not None:
-        remarks.assumed(f"stamps count {request.assume.time_unit}, as stated")
-        return request.assume.time_unit
-    named = _named_unit(name)
-    if named is not None:
-        remarks.detected(f'stamps count {named}: their column is called "{name}"')
-        return named
-    row = request.head[skipped:].split(b"\n", 1)[0]
-    tokens = row.translate(bytes.maketrans(b",;\t", b"   ")).split()
-    first = tokens[place] if place < len(tokens) else b""
-    unit: TimeUnit = "s" if b"." in first or b"e" in first.lower() else "ns" if len(first) > 17 else "us"
-    remarks.assumed(f'stamps count {unit}, judged by the first one, "{first.decode("ascii", "replace")}"')
-    return unit
-
-
-NAMED_TEXT = Format("CSV", (".csv", ".txt"), lambda request: _header(request.head) is not None, _open)
+def _unit(tokens: list[str], place: int, rest: bytes, remarks: Remarks, stated: TimeUnit | None) -> TimeUnit:
+    named = _named_unit(tokens[place])
+    if named is None or stated is not None:
+        return judged_unit([row[place] for row in sampled_rows(rest, len(tokens))], remarks, stated)
+    remarks.detected(f'stamps count {named}: their column is called "{tokens[place]}"')
+    return named

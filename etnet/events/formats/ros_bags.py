@@ -7,19 +7,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float32
 from rosbags.rosbag1 import Reader as Ros1Reader
 
 from etnet.errors import RecordingError
-from etnet.events.cache import FrameCache, grey
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.collect import Collected, Decoded, collect
-from etnet.events.formats.columns import from_nanoseconds
 from etnet.events.formats.event_packets import decode_libcaer, decode_libcaer_cmp
 from etnet.events.formats.mcap import MAGIC, Message, read_mcap
-from etnet.events.formats.pictures import in_order
 from etnet.events.formats.prophesee import through_faery
 from etnet.events.formats.ros_messages import (
     EVENT_ARRAYS,
@@ -28,31 +23,25 @@ from etnet.events.formats.ros_messages import (
     Packet,
     parse_array,
     parse_packet,
-    parse_picture,
     plain_type,
 )
-from etnet.events.recording import GroundTruth
+from etnet.events.formats.ros_parts import SUFFIXES, parts_in_order
+from etnet.events.formats.ros_pictures import Pictures
+from etnet.events.formats.store import FolderStore
 
 _SQLITE = b"SQLite format 3\0"
-_CLOCK_GAP = 60 * 10**6
-"""µs between frames and events beyond which their clocks cannot be one."""
 
 
 @dataclass
 class _Bag:
-    """The messages that matter, as they pass: events of one topic go on, pictures of one topic are kept."""
+    """The messages that matter, as they pass: events of one topic go on, pictures are kept."""
 
     request: Request
     is_cdr: bool
-    frames: FrameCache
+    pictures: Pictures
     event_topic: str = ""
     sensor: Sensor | None = None
     encoding: str = ""
-    frame_topic: str = ""
-    stamps: list[int] = field(default_factory=list)
-    is_bgr: bool = False
-    shape: tuple[int, ...] = ()
-    num_left: int = 0
     others: set[str] = field(default_factory=set)
     cut: str | None = None
 
@@ -60,11 +49,13 @@ class _Bag:
         """Events of a message, decoded or still in their packet; None if it holds none of the topic that is read."""
         kind = plain_type(message.type)
         if kind in IMAGES:
-            self._keep(message)
+            self.pictures.take(message)
             return None
         if kind not in EVENT_ARRAYS and kind not in EVENT_PACKETS:
             return None
-        self.event_topic = self.event_topic or message.topic
+        if not self.event_topic:
+            self.event_topic = message.topic
+            self.pictures.belong_to(message.topic)
         if message.topic != self.event_topic:
             self.others.add(message.topic)
             return None
@@ -88,22 +79,6 @@ class _Bag:
     def _size(self, width: int, height: int) -> None:
         if self.sensor is None and width and height:
             self.sensor = Sensor(width, height)
-
-    def _keep(self, message: Message) -> None:
-        self.frame_topic = self.frame_topic or message.topic
-        if message.topic != self.frame_topic:
-            return
-        try:
-            picture = parse_picture(message.content, self.is_cdr)
-        except (ValueError, IndexError):
-            self.num_left += 1
-            return
-        if self.shape and picture.pixels.shape != self.shape:
-            self.num_left += 1
-            return
-        self.shape, self.is_bgr = picture.pixels.shape, picture.is_bgr
-        self.frames.append(picture.pixels)
-        self.stamps.append(picture.stamp)
 
 
 def _messages_of_bag(path: Path) -> Iterator[Message]:
@@ -151,9 +126,8 @@ def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Deco
             yield part
 
 
-def _open_messages(request: Request, what: str, messages: Iterator[Message], is_cdr: bool) -> Opened:
-    remarks = Remarks()
-    bag = _Bag(request, is_cdr, FrameCache(request.scratch))
+def _open_messages(request: Request, what: str, messages: Iterator[Message], is_cdr: bool, remarks: Remarks) -> Opened:
+    bag = _Bag(request, is_cdr, Pictures(request.scratch, is_cdr))
     parts = _guarded(bag, messages, what)
     first = next(parts, None)
     if first is None:
@@ -168,11 +142,9 @@ def _open_messages(request: Request, what: str, messages: Iterator[Message], is_
     remarks.detected(f"events of topic {bag.event_topic}")
     for topic in sorted(bag.others):
         remarks.detected(f"another event topic, {topic}, is not shown")
-    if bag.num_left:
-        remarks.repaired(f"{bag.num_left} pictures of another size or an unknown encoding were left out")
     if bag.cut is not None:
         remarks.repaired(f"the file breaks off ({bag.cut}); what comes before is kept")
-    truth = _truth(bag, collected, remarks)
+    truth = bag.pictures.ground_truth(collected.span, remarks)
     return Opened(label, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
 
 
@@ -206,38 +178,26 @@ def _through_evt3(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], r
     return through_faery(request, "EVT3 packets", bag.sensor, 6, remarks)
 
 
-def _truth(bag: _Bag, collected: Collected, remarks: Remarks) -> GroundTruth | None:
-    if len(bag.frames) == 0:
-        return None
-    stamps = from_nanoseconds(np.array(bag.stamps, np.int64))
-    if stamps.min() > collected.span.stop + _CLOCK_GAP or stamps.max() < collected.span.start - _CLOCK_GAP:
-        remarks.detected(f"{len(stamps)} pictures of {bag.frame_topic} are on another clock than the events: not shown")
-        return None
-
-    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-        return grey(bag.frames[index], is_bgr=bag.is_bgr)
-
-    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
-
-
 def _opener(what: str, messages: Callable[[Path], Iterator[Message]], is_cdr: bool) -> Callable[[Request], Opened]:
-    return lambda request: _open_messages(request, what, messages(request.path), is_cdr)
+    return lambda request: _open_messages(request, what, messages(request.path), is_cdr, Remarks())
 
 
 def _open_folder(request: Request) -> Opened:
     """The folder of a ROS 2 recording: its parts one after the other."""
-    parts = [name for name in request.members if name.endswith((".mcap", ".db3"))]
+    remarks, store = Remarks(), FolderStore(request.path)
+    parts = [store.local_path(name) for name in parts_in_order(request, remarks)]
 
     def messages() -> Iterator[Message]:
-        for name in parts:
-            reader = read_mcap if name.endswith(".mcap") else _messages_of_database
-            yield from reader(request.path / name)
+        for number, part in enumerate(parts):
+            reader = read_mcap if part.suffix == ".mcap" else _messages_of_database
+            for message in reader(part):
+                yield message._replace(fraction=(number + message.fraction) / len(parts))
 
-    return _open_messages(request, "ROS 2 folder", messages(), True)
+    return _open_messages(request, "ROS 2 folder", messages(), True, remarks)
 
 
 def _is_folder(request: Request) -> bool:
-    return request.path.is_dir() and any(name.endswith((".mcap", ".db3")) for name in request.members)
+    return request.path.is_dir() and any(name.endswith(SUFFIXES) for name in request.members)
 
 
 ROS1_BAG = Format(

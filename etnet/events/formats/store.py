@@ -20,6 +20,12 @@ MAX_SMALL_FILE = 64 << 20
 """Largest picture or table that is read whole."""
 
 
+def is_litter(name: str) -> bool:
+    """What a Mac leaves in folders and archives: nothing of the recording's, under names that look like it."""
+    last = name.rsplit("/", 1)[-1]
+    return name.startswith("__MACOSX/") or last.startswith("._") or last == ".DS_Store"
+
+
 @runtime_checkable
 class Store(Protocol):
     """Named files."""
@@ -53,7 +59,7 @@ class FolderStore:
         found: list[str] = []
         for pattern in ("*", "*/*", "*/*/*"):
             for path in self._folder.glob(pattern):
-                if path.is_file():
+                if path.is_file() and not is_litter(path.relative_to(self._folder).as_posix()):
                     found.append(path.relative_to(self._folder).as_posix())
                 if len(found) > MAX_MEMBERS:
                     raise RecordingError(
@@ -69,7 +75,7 @@ class FolderStore:
         """A stream from the file's start."""
         return self._inside(name).open("rb")
 
-    def local_path(self, name: str) -> Path | None:
+    def local_path(self, name: str) -> Path:
         """The file's own path."""
         return self._inside(name)
 
@@ -95,7 +101,8 @@ class ZipStore:
         members = self._archive.infolist()
         if len(members) > MAX_MEMBERS:
             raise RecordingError(f"{path.name}: {len(members)} members; at most {MAX_MEMBERS} are read")
-        self._members = {member.filename: member for member in members if not member.is_dir()}
+        files = (member for member in members if not member.is_dir())
+        self._members = {member.filename: member for member in files if not is_litter(member.filename)}
         for member in self._members.values():
             if member.file_size > max(FREE_SIZE, MAX_RATIO * member.compress_size):
                 raise RecordingError(

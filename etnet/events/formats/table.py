@@ -1,4 +1,4 @@
-"""The table of formats. A file is asked by content in this order; its suffix decides where two fit."""
+"""The table of formats. A file is asked by content in this order; its suffix decides where two or none fit."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from etnet.events.formats.event_stream import EVENT_STREAM
 from etnet.events.formats.forty_bits import FORTY_BITS
 from etnet.events.formats.hdf5_layouts import HDF5
 from etnet.events.formats.matlab import MATLAB_V5, MATLAB_V73
-from etnet.events.formats.named_text import NAMED_TEXT
 from etnet.events.formats.packed import packed_formats
 from etnet.events.formats.prophesee import RAW
 from etnet.events.formats.ros_bags import MCAP, ROS1_BAG, ROS2_DATABASE, ROS2_FOLDER
-from etnet.events.formats.text import TEXT, TEXT_STORE
+from etnet.events.formats.text import NAMED_TEXT, TEXT, TEXT_STORE
 
 _PLAIN: tuple[Format, ...] = (
     MATLAB_V73,
@@ -44,13 +43,14 @@ _PLAIN: tuple[Format, ...] = (
 
 
 def choose(request: Request, formats: tuple[Format, ...]) -> Format:
-    """The first format that recognises the content; among several, one with the file's suffix."""
+    """The first format that recognises the content; among several, one with the file's suffix. Content comes first."""
     with contained(request.name, "its beginning"):
         fitting = [entry for entry in formats if entry.recognises(request)]
     if not fitting:
         known = ", ".join(entry.name for entry in formats)
         what = "folder" if request.path.is_dir() else f"file that begins with {request.head[:8]!r}"
         raise RecordingError(f"{request.name}: a {what} of no known format; read are {known}")
+    fitting = [entry for entry in fitting if entry.is_known_by_content] or fitting
     return next((entry for entry in fitting if request.suffix in entry.suffixes), fitting[0])
 
 
