@@ -18,6 +18,7 @@ from faery.file_encoder import events_to_file
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import Progress
+from etnet.events.clock_turns import mark_turns
 from etnet.events.events import Events
 from etnet.events.formats.base import contained
 from etnet.events.recording import Recording, Remark
@@ -212,6 +213,7 @@ def _write_evt3(part: _Part, path: Path) -> tuple[Remark, ...]:
     if max(sensor.width, sensor.height) > _EVT3_SIDE:
         raise RecordingError(f"{path.name}: a sensor of {sensor} does not fit EVT3, whose sides end at {_EVT3_SIDE}")
     _write_through_faery(part, path, "evt")
+    mark_turns(path)
     said = Remark("detected", "stamps count from the first event; its own stamp stands in the header's t0")
     return (said, *_without_frames(part, "EVT3 has none"))
 

@@ -119,7 +119,7 @@ def test_a_step_back_is_found_where_two_looks_meet(place, tmp_path):
     events, t = make_events(num_events), np.arange(num_events)
     t[place] -= 2
     path = save(tmp_path / "a.npz", **columns_of(events) | {"t": t})
-    with open_recording(path) as recording, pytest.raises(RecordingError, match=f"event {place} .*--sort"):
+    with pytest.raises(RecordingError, match=f"event {place} .*--sort"), open_recording(path) as recording:
         all_events(recording)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import eventcv
+import faery
 import h5py
 import numpy as np
 import pytest
@@ -58,6 +60,28 @@ def test_a_real_recording_survives_every_layout(layout, tmp_path):
         with open_recording(path) as back:
             assert back.sensor == recording.sensor
             assert_same_events(all_events(back), all_events(recording))
+
+
+PAUSES = ((0, 1000, 20_001_000, 20_002_000), (0, 12_000_000, 12_001_000, 17_001_000), (5, 60_000_005, 60_000_010))
+"""Stamps over more than EVT3's clock counts, 16.78 s, with pauses in which it begins anew once, at its end, thrice."""
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("stamps", PAUSES)
+def test_a_long_pause_is_as_long_when_read_again(layout, stamps, tmp_path):
+    stamps = np.array([*stamps, *range(stamps[-1] + 5000, stamps[-1] + 20_000_000, 5000)], np.int64)
+    random = random_events(np.random.default_rng(0), len(stamps), Sensor(240, 180))
+    events = Events(random.x, random.y, stamps, random.p, random.sensor)
+    path = tmp_path / f"pause{LAYOUTS[layout]}"
+    write_recording(recording_of_events(events), path, layout)
+    with open_recording(path, assume=Assumptions(width=240, height=180)) as back:
+        assert_same_events(all_events(back), events)
+        np.testing.assert_array_equal(all_events(back).t, stamps)
+    if layout == "evt3":
+        # Other readers have only the step of the clock from its end to 0 to tell a turn by.
+        theirs = np.concatenate(list(faery.events_stream_from_file(path)))
+        np.testing.assert_array_equal(theirs["t"].astype(np.int64), stamps)
+        np.testing.assert_array_equal(eventcv.load(str(path)).numpy()[:, 2].astype(np.int64), stamps - stamps[0])
 
 
 def _with_frames(count: int = 300) -> tuple[Events, GroundTruth]:

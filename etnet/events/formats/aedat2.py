@@ -24,6 +24,9 @@ _BLOCK = 1 << 17
 _LOOK = 1 << 21
 """Words at the file's beginning from which the order of the picture's readout is judged; a dozen pictures."""
 
+_FARTHEST = Sensor(1 << 10, 1 << 9)
+"""What the bits of a DAVIS address can reach."""
+
 _PERIOD = 1 << 32
 _LONGEST_HEADER = 1 << 18
 
@@ -60,14 +63,19 @@ def _open(request: Request) -> Opened:
     if size % 8:
         remarks.repaired(f"{size % 8} bytes after the last whole event were left out; the file may be truncated")
     words = np.memmap(request.path, ">u4", "r", offset=start, shape=(size // 8, 2))
-    sensor = next((sensor for chip, sensor in _CHIPS if chip in header), None)
-    if sensor is None:
-        sensor = _judged_sensor(words, request, remarks)
+    declared = next((sensor for chip, sensor in _CHIPS if chip in header), None)
+    chip = declared or _judged_sensor(words)
+    if declared is None and request.assume.sensor is None:
+        remarks.assumed(f"sensor {chip}: the header names no chip and the addresses fit it; --assume overrules")
+        declared = chip
+    sensor = request.assume.sensor or chip
     remarks.assumed("y is counted from the bottom, as jAER does, and was turned over; x is as stored")
     start = words[:_LOOK].astype(np.int64)
-    first = None if sensor == _DVS128 else first_pixel(start[:, 0], start[:, 1], sensor)
-    other = _Other(Samples(sensor, first, FrameCache(request.scratch)))
-    collected = collect(request, _pieces(words, sensor, other), sensor, remarks)
+    # No address reaches farther, however large a sensor is stated.
+    seen = Sensor(min(sensor.width, _FARTHEST.width), min(sensor.height, _FARTHEST.height))
+    first = None if chip == _DVS128 else first_pixel(start[:, 0], start[:, 1], seen)
+    other = _Other(Samples(seen, first, FrameCache(request.scratch)))
+    collected = collect(request, _pieces(words, chip == _DVS128, sensor.height, other), declared, remarks)
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     truth, inertial = other.samples.truth(remarks), other.samples.motion.inertial(remarks)
@@ -81,21 +89,17 @@ def _open(request: Request) -> Opened:
     return Opened("AEDAT 2.0", collected.source, collected.sensor, collected.span, kept, truth, inertial)
 
 
-def _judged_sensor(words: np.ndarray, request: Request, remarks: Remarks) -> Sensor:
+def _judged_sensor(words: np.ndarray) -> Sensor:
     """A DVS128 address has 15 bits; a DAVIS one reaches beyond 16."""
     sample = words[:: max(1, len(words) // 100_000), 0].astype(np.int64)
     if int(sample.max()) < 1 << 16:
-        sensor = _DVS128
-    else:
-        pixels = sample[(sample >> 31) == 0]
-        reach = int(((pixels >> 22) & 0x1FF).max(initial=0)), int(((pixels >> 12) & 0x3FF).max(initial=0))
-        sensor = Sensor(240, 180) if reach[0] < 180 and reach[1] < 240 else Sensor(346, 260)
-    if request.assume.sensor is None:
-        remarks.assumed(f"sensor {sensor}: the header names no chip and the addresses fit it; --assume overrules")
-    return sensor
+        return _DVS128
+    pixels = sample[(sample >> 31) == 0]
+    reach = int(((pixels >> 22) & 0x1FF).max(initial=0)), int(((pixels >> 12) & 0x3FF).max(initial=0))
+    return Sensor(240, 180) if reach[0] < 180 and reach[1] < 240 else Sensor(346, 260)
 
 
-def _pieces(words: np.ndarray, sensor: Sensor, other: _Other) -> Iterator[Decoded]:
+def _pieces(words: np.ndarray, is_dvs128: bool, height: int, other: _Other) -> Iterator[Decoded]:
     last, turns = None, 0
     for start in range(0, len(words), _BLOCK):
         block = words[start : start + _BLOCK]
@@ -103,7 +107,7 @@ def _pieces(words: np.ndarray, sensor: Sensor, other: _Other) -> Iterator[Decode
         t, turns = unrolled(stamps, _PERIOD, last, turns)
         last, other.num_turns = int(stamps[-1]), turns
         fraction = min(1.0, (start + _BLOCK) / len(words))
-        if sensor == _DVS128:
+        if is_dvs128:
             is_event = (address >> 15) == 0
             other.num_external += int(len(address) - np.count_nonzero(is_event))
             address, t = address[is_event], t[is_event]
@@ -115,8 +119,7 @@ def _pieces(words: np.ndarray, sensor: Sensor, other: _Other) -> Iterator[Decode
             is_event = ~(is_sample | is_external)
             address, t = address[is_event], t[is_event]
             x, y, p = (address >> 12) & 0x3FF, (address >> 22) & 0x1FF, (address >> 11) & 1
-        inside = y < sensor.height
-        yield Decoded(x, np.where(inside, sensor.height - 1 - y, y), t, p, fraction)
+        yield Decoded(x, np.where(y < height, height - 1 - y, y), t, p, fraction)
 
 
 AEDAT2 = Format("AEDAT 2.0", (".aedat", ".dat"), lambda request: request.head[:11] == b"#!AER-DAT2.", _open)

@@ -5,18 +5,22 @@ Layout: docs.prophesee.ai, "DAT file format". Version 2 has 14 bits x, 14 bits y
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.collect import Decoded, collect
-from etnet.events.formats.paged import PAGE, paged
+from etnet.events.formats.paged import paged, pages
 from etnet.events.formats.prophesee import RAW, Header, read_header
+from etnet.events.formats.short_clock import begins_anew, collect_unrolled, is_out_of_order
 
 _EVENT_TYPES = (0x00, 0x0C)
 """Change events: the old "2d" and the later "CD"; both have one layout in version 2."""
+
+_SHORT = 1 << 22
+"""Events up to which every stamp is looked at before the file is read by slice; of a longer one some are."""
+
+_SAMPLES = 4096
 
 
 def _open(request: Request) -> Opened:
@@ -42,10 +46,11 @@ def _open(request: Request) -> Opened:
     def read(start: int, stop: int) -> Decoded:
         return _decoded(words[start:stop], bits, offset)
 
-    # 32 bits of µs begin anew after 71.6 minutes; whoever looks for a later moment needs the stamps unrolled.
-    if bool((np.diff(words[:: max(1, len(words) // 4096), 0].astype(np.int64)) < 0).any()):
-        remarks.repaired("the 32-bit stamps begin anew (every 71.6 minutes) and were unrolled")
-        collected = collect(request, _unrolled(words, bits, offset), declared, remarks)
+    looked_at = _some_stamps(words)
+    if begins_anew(looked_at):
+        collected = collect_unrolled(request, len(words), read, declared, remarks)
+    elif is_out_of_order(looked_at):
+        collected = collect(request, pages(len(words), read), declared, remarks)
     else:
         collected = paged(request, "Prophesee DAT", len(words), read, declared, remarks)
     name = f"Prophesee DAT {version}"
@@ -71,15 +76,11 @@ def _decoded(words: np.ndarray, bits: tuple[int, int], offset: int) -> Decoded:
     return Decoded(x, y, stamps, polarity.astype(bool))
 
 
-def _unrolled(words: np.ndarray, bits: tuple[int, int], offset: int) -> Iterator[Decoded]:
-    last, turns = 0, 0
-    for start in range(0, len(words), PAGE):
-        piece = _decoded(words[start : start + PAGE], bits, 0)
-        wraps = np.cumsum(np.diff(piece.t, prepend=last) < -(2**31))
-        last = int(piece.t[-1])
-        stamps = piece.t + (turns + wraps) * 2**32 + offset
-        turns += int(wraps[-1])
-        yield piece._replace(t=stamps, fraction=min(1.0, (start + PAGE) / len(words)))
+def _some_stamps(words: np.ndarray) -> np.ndarray:
+    """All of a short file; of a long one some that are spread over it, and the last."""
+    if len(words) <= _SHORT:
+        return words[:, 0]
+    return np.append(words[:: len(words) // _SAMPLES, 0], words[-1:, 0])
 
 
 def _is_dat(request: Request) -> bool:

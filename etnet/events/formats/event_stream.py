@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import struct
 
+import faery
+
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
-from etnet.events.formats.base import Format, Opened, Remarks, Request
-from etnet.events.formats.prophesee import through_faery
+from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
+from etnet.events.formats.collect import Collected, collect
+from etnet.events.formats.packets import Packets
 
 _KINDS = {0: "generic", 1: "dvs", 2: "atis", 3: "colour"}
 _READ = (1, 2)
@@ -25,9 +28,21 @@ def _open(request: Request) -> Opened:
     if not (width and height):
         raise RecordingError(f"{request.name}: its header gives the sensor {width} × {height}; sides are 1 … 65,536")
     label = f"Event Stream {_KINDS[kind]}"
-    collected = through_faery(request, label, Sensor(width, height), _ROUGH_BYTES, remarks)
+    collected = _through_faery(request, label, Sensor(width, height), remarks)
     remarks.detected("y is counted from the bottom in this format and was turned over")
     return Opened(label, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+
+
+def _through_faery(request: Request, kind: str, declared: Sensor, remarks: Remarks) -> Collected:
+    with contained(request.name, kind):
+        stream = iter(faery.events_stream_from_file(request.path))
+    packets = Packets(request, kind, _ROUGH_BYTES, lambda: next(stream, None))
+    collected = collect(request, packets.pieces(), declared, remarks)
+    if collected.source.num_events == 0:
+        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    if packets.break_off is not None:
+        remarks.repaired(packets.break_off)
+    return collected
 
 
 EVENT_STREAM = Format("Event Stream", (".es",), lambda request: request.head[:12] == b"Event Stream", _open)

@@ -17,9 +17,11 @@ from etnet.events.formats.hdf5 import columns, dataset, find, open_file
 from etnet.events.formats.hdf5_frames import numbered_frames, stacked_frames
 from etnet.events.formats.hdf5_metavision import open_metavision
 from etnet.events.formats.paged import paged
+from etnet.events.formats.short_clock import begins_anew, collect_unrolled
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _DAVIS346 = Sensor(346, 260)
+_SAMPLES = 16
 
 
 def is_hdf5(request: Request) -> bool:
@@ -87,8 +89,17 @@ def _open_dsec(request: Request, file) -> Opened:
         return Decoded(x[start:stop], y[start:stop], stamps(start, stop), p[start:stop])
 
     kind = "DSEC HDF5" if is_dsec else "HDF5 columns"
-    collected = paged(request, kind, len(t), read, _declared_size(file, request.name), remarks, stamps)
+    declared = _declared_size(file, request.name)
+    if t.dtype == np.uint32 and unit == "us" and begins_anew(np.array([t[i] for i in _spread(len(t))])):
+        collected = collect_unrolled(request, len(t), read, declared, remarks)
+    else:
+        collected = paged(request, kind, len(t), read, declared, remarks, stamps)
     return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+
+
+def _spread(num_events: int) -> list[int]:
+    """Some events from the first to the last; few, for each costs the reading of a chunk."""
+    return sorted({int(place) for place in np.linspace(0, num_events - 1, _SAMPLES)}) if num_events else []
 
 
 def _open_mvsec(request: Request, file) -> Opened:

@@ -1,9 +1,9 @@
-"""Large EVT 2.0 and 3.0 files: gone through once for an index of their blocks, which is kept; then read by slice."""
+"""EVT 2.0 and 3.0: a large file is gone through once for an index of its blocks, which is kept, and read by slice."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import BinaryIO
@@ -16,7 +16,7 @@ from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, signed_polarity
-from etnet.events.formats.evt_words import EVT, Notes, State
+from etnet.events.formats.evt_words import EVT, Notes, State, Version
 from etnet.events.formats.paged import check_slice
 from etnet.events.formats.prophesee import Header
 from etnet.events.formats.raw_index import Blocks, index_of
@@ -106,14 +106,31 @@ def open_indexed(request: Request, header: Header, declared: Sensor | None, rema
 def decode_all(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
     """The events of a small file, decoded at once."""
     blocks, t0 = _blocks(request, header, remarks)
+
+    def parts() -> Iterator[tuple[np.ndarray, float]]:
+        with request.path.open("rb") as file:
+            for i in range(blocks.num_blocks):
+                yield blocks.words(file, i), (i + 1) / blocks.num_blocks
+
+    return decode_words(request, blocks.version, parts(), t0, declared, remarks)
+
+
+def decode_words(
+    request: Request,
+    version: Version,
+    parts: Iterable[tuple[np.ndarray, float]],
+    t0: int,
+    declared: Sensor | None,
+    remarks: Remarks,
+) -> Collected:
+    """The events of words that come part by part, each part with the share of the file that it completes."""
     notes = Notes()
 
     def pieces() -> Iterator[Decoded]:
         state = State()
-        with request.path.open("rb") as file:
-            for i in range(blocks.num_blocks):
-                decoded, state = blocks.version.decode(blocks.words(file, i), state, notes)
-                yield decoded._replace(t=decoded.t + t0 if t0 else decoded.t, fraction=(i + 1) / blocks.num_blocks)
+        for words, fraction in parts:
+            decoded, state = version.decode(words, state, notes)
+            yield decoded._replace(t=decoded.t + t0 if t0 else decoded.t, fraction=fraction)
 
     collected = collect(request, pieces(), declared, remarks)
     if collected.source.num_events == 0:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
+from jaxtyping import Int64
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
@@ -79,7 +80,7 @@ def paged(
     if num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if request.assume.mends:
-        return collect(request, _pages(num_events, read_columns), declared, remarks)
+        return collect(request, pages(num_events, read_columns), declared, remarks)
     sensor = stated_sensor(request, declared, remarks)
     only_stamps = read_stamps or (lambda start, stop: read_columns(start, stop).t)
     if sensor is None:
@@ -102,7 +103,8 @@ def paged(
     return Collected(source, sensor, span)
 
 
-def _pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
+def pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
+    """All events, a page at a time."""
     for start in range(0, num_events, PAGE):
         stop = min(start + PAGE, num_events)
         yield read_columns(start, stop)._replace(fraction=stop / num_events)
@@ -116,8 +118,10 @@ def _places(num_events: int, most: int) -> list[tuple[int, int]]:
 
 
 def _check_probes(probes: list[tuple[int, np.ndarray]], name: str) -> None:
+    """Within each probe and from one to the next, so that the last event is not before the first."""
     before = None
     for start, t in probes:
+        _check_order(t, start, name)
         if before is not None and start >= before[0] and t[0] < before[1]:
             raise RecordingError(
                 f"{name}: time runs back before event {start} ({before[1]} > {t[0]} µs); open it with --sort"
@@ -135,7 +139,7 @@ def _probed_sensor(
     """From all events of a short file, from the probes of a long one (which then must fill a known sensor)."""
     where = "the events looked at"
     if num_events <= 16 * PAGE:
-        pieces, where = list(_pages(num_events, read_columns)), "the events"
+        pieces, where = list(pages(num_events, read_columns)), "the events"
     reach_x = max(int(pixel_column(piece.x, "x", request.name).max(initial=0)) for piece in pieces)
     reach_y = max(int(pixel_column(piece.y, "y", request.name).max(initial=0)) for piece in pieces)
     return deduced_sensor(reach_x, reach_y, request.name, remarks, where)
@@ -152,8 +156,11 @@ def check_slice(events: Events, start: int, name: str) -> None:
             f"{name}: event {start + i} is at ({events.x[i]}, {events.y[i]}), beyond {events.sensor}; "
             "state the size with --assume width=…,height=… or open it with --drop-outside"
         )
-    if not is_ordered(events.t):
-        i = int(np.argmax(events.t[1:] < events.t[:-1])) + 1
-        raise RecordingError(
-            f"{name}: time runs back at event {start + i} ({events.t[i - 1]} > {events.t[i]} µs); open it with --sort"
-        )
+    _check_order(events.t, start, name)
+
+
+def _check_order(t: Int64[np.ndarray, " n"], start: int, name: str) -> None:
+    if is_ordered(t):
+        return
+    i = int(np.argmax(t[1:] < t[:-1])) + 1
+    raise RecordingError(f"{name}: time runs back at event {start + i} ({t[i - 1]} > {t[i]} µs); open it with --sort")

@@ -1,29 +1,22 @@
-"""Prophesee RAW files, EVT 2.0 and 3.0, through `faery`; the header is read here, for faery guesses a missing size.
+"""Prophesee RAW files: the header, and who decodes what follows it.
 
-Header keys: docs.prophesee.ai, "RAW file format". EVT 2.1 is decoded in `evt21`.
+Header keys: docs.prophesee.ai, "RAW file format". EVT 2.0 and 3.0 are decoded in `indexed_raw`, EVT 2.1 in `evt21`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import faery
-
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
-from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.collect import Collected, collect
-from etnet.events.formats.packets import Packets
+from etnet.events.formats.base import Format, Opened, Remarks, Request
+from etnet.events.formats.collect import Collected
 
 INDEXED_BYTES = 64 << 20
 """Files from this size on are indexed and read by slice; smaller ones are decoded at once."""
 
 CLOCK_PERIOD = 1 << 34
 """µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 begin anew."""
-
-_ROUGH_BYTES = {"2.0": 4, "3.0": 6}
-_UNSTATED = (2048, 2048)
-"""What the 11 address bits of an event can reach: given to faery, which needs a size but uses it for nothing."""
 
 _PLUGINS = (
     ("gen31", Sensor(640, 480)),
@@ -121,38 +114,17 @@ def _open(request: Request) -> Opened:
     remarks = Remarks()
     declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
     kind = f"Prophesee EVT{version[0]}"
-    if request.path.stat().st_size >= INDEXED_BYTES and not request.assume.drop_outside:
-        # Imported here, for it needs this module's header.
-        from etnet.events.formats.indexed_raw import open_indexed
+    # Imported here, for it needs this module's header.
+    from etnet.events.formats.indexed_raw import decode_all, open_indexed
 
-        collected = open_indexed(request, header, declared, remarks)
-    elif version == "2.0":
-        from etnet.events.formats.indexed_raw import decode_all
-
-        collected = decode_all(request, header, declared, remarks)
-    else:
-        collected = through_faery(request, kind, declared, _ROUGH_BYTES[version], remarks)
+    is_large = request.path.stat().st_size >= INDEXED_BYTES and not request.assume.drop_outside
+    collected = (open_indexed if is_large else decode_all)(request, header, declared, remarks)
     if "camera" not in header.fields and "plugin_name" in header.fields:
         remarks.detected(f"camera {header.fields['plugin_name']}")
     if version == "2.0":
         tell_turns(collected, remarks)
     told = tuple(remarks.kept)
     return Opened(kind, collected.source, collected.sensor, collected.span, told, growth=collected.growth)
-
-
-def through_faery(
-    request: Request, kind: str, declared: Sensor | None, bytes_per_event: int, remarks: Remarks
-) -> Collected:
-    """Let faery decode the file. It steps in where stamps run back: it holds them at the last one."""
-    with contained(request.name, kind):
-        stream = iter(faery.events_stream_from_file(request.path, dimensions_fallback=_UNSTATED))
-    packets = Packets(request, kind, bytes_per_event, lambda: next(stream, None))
-    collected = collect(request, packets.pieces(), declared, remarks)
-    if collected.source.num_events == 0:
-        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    if packets.break_off is not None:
-        remarks.repaired(packets.break_off)
-    return collected
 
 
 def _is_raw(request: Request) -> bool:

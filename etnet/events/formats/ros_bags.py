@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from rosbags.rosbag1 import Reader as Ros1Reader
 
 from etnet.errors import RecordingError
@@ -14,8 +15,10 @@ from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.collect import Collected, Decoded, collect
 from etnet.events.formats.event_packets import decode_libcaer, decode_libcaer_cmp
+from etnet.events.formats.evt_words import EVT
+from etnet.events.formats.indexed_raw import decode_words
 from etnet.events.formats.mcap import MAGIC, Message, read_mcap
-from etnet.events.formats.prophesee import through_faery
+from etnet.events.formats.raw_index import BLOCK_BYTES
 from etnet.events.formats.ros_messages import (
     EVENT_ARRAYS,
     EVENT_PACKETS,
@@ -44,9 +47,12 @@ class _Bag:
     encoding: str = ""
     others: set[str] = field(default_factory=set)
     cut: str | None = None
+    done: float = 0.0
+    """How much of the file the messages so far are, 0 … 1."""
 
     def take(self, message: Message) -> Decoded | Packet | None:
         """Events of a message, decoded or still in their packet; None if it holds none of the topic that is read."""
+        self.done = message.fraction
         kind = plain_type(message.type)
         if kind in IMAGES:
             self.pictures.take(message)
@@ -135,7 +141,7 @@ def _open_messages(request: Request, what: str, messages: Iterator[Message], is_
             f"{request.name}: no events; wanted messages of {', '.join(EVENT_ARRAYS[:1] + EVENT_PACKETS[:1])}"
         )
     if isinstance(first, Packet):
-        collected = _through_evt3(bag, first, parts, remarks)
+        collected = _from_evt3(bag, first, parts, remarks)
     else:
         collected = collect(request, _decoded(first, parts), bag.sensor, remarks)
     label = f"{what}, {bag.encoding or 'dvs_msgs'}"
@@ -155,27 +161,35 @@ def _decoded(first: Decoded, parts: Iterator[Decoded | Packet]) -> Iterator[Deco
             yield part
 
 
-def _through_evt3(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], remarks: Remarks) -> Collected:
-    """Put the packets together as a RAW file, which faery decodes."""
-    raw = bag.request.scratch.path("packets.raw", bag.request.path.stat().st_size)
-    size = bag.sensor or Sensor(2048, 2048)
-    with raw.open("wb") as file:
-        file.write(f"% evt 3.0\n% format EVT3;height={size.height};width={size.width}\n% end\n".encode())
-        file.write(first.content)
-        for part in parts:
-            if isinstance(part, Packet):
-                file.write(part.content)
-    request = Request(
-        raw,
-        bag.request.name,
-        b"",
-        (),
-        bag.request.assume,
-        bag.request.progress,
-        bag.request.resources,
-        bag.request.scratch,
-    )
-    return through_faery(request, "EVT3 packets", bag.sensor, 6, remarks)
+def _from_evt3(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], remarks: Remarks) -> Collected:
+    """The packets are one stream: what a word means is told by the packets before its own."""
+    evt3, num_cut = EVT["3.0"], 0
+
+    def words() -> Iterator[tuple[np.ndarray, float]]:
+        nonlocal num_cut
+        for joined in _joined(first, parts):
+            num_cut += sum(len(packet.content) % evt3.word.itemsize for packet in joined)
+            whole = b"".join(packet.content[: len(packet.content) // 2 * 2] for packet in joined)
+            yield np.frombuffer(whole, evt3.word), bag.done
+
+    collected = decode_words(bag.request, evt3, words(), 0, bag.sensor, remarks)
+    if num_cut:
+        remarks.repaired(f"{num_cut} packets end in half a word, which was left out; they may be truncated")
+    return collected
+
+
+def _joined(first: Packet, parts: Iterator[Decoded | Packet]) -> Iterator[list[Packet]]:
+    """Packets that together are worth a call of the decoder."""
+    packets, size = [first], len(first.content)
+    for part in parts:
+        if isinstance(part, Packet):
+            packets.append(part)
+            size += len(part.content)
+        if size >= BLOCK_BYTES:
+            yield packets
+            packets, size = [], 0
+    if packets:
+        yield packets
 
 
 def _opener(what: str, messages: Callable[[Path], Iterator[Message]], is_cdr: bool) -> Callable[[Request], Opened]:

@@ -111,6 +111,27 @@ def test_davis_aedat2_keeps_events_and_tells_of_the_rest(tmp_path):
         assert any("20 external" in remark.text for remark in recording.remarks)
 
 
+@pytest.mark.parametrize("stated", [None, (346, 260), (200, 150)])
+def test_aedat2_of_no_named_chip_is_turned_over_at_the_stated_height(stated, tmp_path):
+    x, y, height = np.arange(100), np.arange(100) + 10, 180 if stated is None else stated[1]
+    words = np.stack([y << 22 | x << 12, np.arange(100)], 1)
+    path = tmp_path / "a.aedat"
+    path.write_bytes(b"#!AER-DAT2.0\r\n" + words.astype(">u4").tobytes())
+    with open_recording(path, assume=Assumptions(*(stated or ()))) as recording:
+        np.testing.assert_array_equal(all_events(recording).y, height - 1 - y)
+        told = [remark.text for remark in recording.remarks if "sensor" in remark.text]
+    judged = "sensor 240×180: the header names no chip and the addresses fit it; --assume overrules"
+    assert told == [judged if stated is None else f"sensor {stated[0]}×{stated[1]}, as stated"]
+
+
+def test_aedat2_that_names_its_chip_says_so_where_another_size_is_stated(tmp_path):
+    path = tmp_path / "a.aedat"
+    path.write_bytes(b"#!AER-DAT2.0\r\n# AEChip: Davis240C\r\n" + struct.pack(">II", 10 << 22, 0))
+    with open_recording(path, assume=Assumptions(width=346, height=260)) as recording:
+        assert all_events(recording).y.tolist() == [249]
+        assert "sensor 346×260, as stated; the file says 240×180" in [remark.text for remark in recording.remarks]
+
+
 def test_a_32_bit_clock_that_begins_anew_goes_on(tmp_path):
     t = 2**32 - 500 + np.arange(1000)
     records = np.zeros((1000, 2), "<u4")

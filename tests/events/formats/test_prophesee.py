@@ -1,4 +1,4 @@
-"""RAW files of a camera that ran for longer than its clock counts: 34 bits of µs, 4.8 hours."""
+"""RAW files of a camera that ran for longer than its clock counts: 34 bits of µs are 4.8 hours, EVT 3.0's 24 16.8 s."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from etnet.events.formats import prophesee
 from etnet.events.open import open_recording
 
 PERIOD = 1 << 34
@@ -50,3 +51,72 @@ def test_a_clock_that_did_not_is_not_spoken_of(tmp_path: Path, written: Callable
     path.write_bytes(written([(PERIOD - 9000 + 1000 * i, i, i, 1) for i in range(6)]))
     with open_recording(path) as recording:
         assert not [remark for remark in recording.remarks if "anew" in remark.text]
+
+
+TURN = 1 << 24
+HEADER = b"% evt 3.0\n% geometry 64x32\n% end\n"
+
+
+def evt3(stamps: Sequence[int], stop: int, hole: range = range(0)) -> bytes:
+    """A camera's words: the high time every 4096 µs whatever happens, but for a hole in which all words got lost."""
+    words, pending = [], list(stamps)
+    for start in range(0, stop, 4096):
+        part = [0x8 << 12 | (start >> 12) & 0xFFF]
+        while pending and pending[0] < start + 4096:
+            t = pending.pop(0)
+            part += [0x6 << 12 | t & 0xFFF, 5, 0x2 << 12 | 1 << 11 | 7]
+        words += [] if start in hole else part
+    return HEADER + np.array(words, "<u2").tobytes()
+
+
+HOLES = (range(0), range(TURN - 2 * 4096, TURN + 2 * 4096), range(15_000_000, 18_000_000))
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+@pytest.mark.parametrize("hole", HOLES)
+def test_evt3_keeps_its_clock_over_words_that_got_lost(tmp_path: Path, monkeypatch, is_large: bool, hole: range):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0 if is_large else 64 << 20)
+    stamps = range(0, 2 * TURN, 1000)
+    path = tmp_path / "hole.raw"
+    path.write_bytes(evt3(stamps, 2 * TURN, hole))
+    with open_recording(path) as recording:
+        found = recording.read(0, recording.num_events).t.tolist()
+    assert found == [t for t in stamps if t // 4096 * 4096 not in hole]
+
+
+def _high(time: int) -> int:
+    return 0x8 << 12 | time
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+def test_evt3_tells_what_was_odd_whatever_the_size(tmp_path: Path, monkeypatch, is_large: bool):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0 if is_large else 64 << 20)
+    low, line, pixel = 0x6 << 12, 5, 0x2 << 12 | 7
+    words = [
+        line,
+        pixel,
+        pixel,
+        _high(9),
+        low | 100,
+        pixel,
+        _high(8),
+        low | 50,
+        pixel,
+        pixel,
+        _high(9),
+        low | 200,
+        pixel,
+    ]
+    path = tmp_path / "odd.raw"
+    path.write_bytes(HEADER + np.array(words, "<u2").tobytes() + b"\x00")
+    first = 9 * 4096 + 100
+    with open_recording(path) as recording:
+        assert recording.read(0, recording.num_events).t.tolist() == [first, first, first, first + 100]
+        told = [remark.text for remark in recording.remarks if remark.kind == "repaired"]
+    assert told == [
+        "1 bytes after the last whole word were left out; the file may be truncated",
+        "2 words before the stream's first time were left out",
+        "time ran back by up to 4146 µs; 1 stamps were held at the last one before",
+    ]

@@ -9,6 +9,7 @@ import lz4.frame
 import numpy as np
 import pytest
 from backports import zstd
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from etnet.events.formats.event_packets import decode_libcaer, decode_libcaer_cmp
@@ -66,15 +67,21 @@ def test_event_arrays_of_both_serialisations(is_cdr, count, frame):
     np.testing.assert_array_equal(np.asarray(array.events.p) > 0, events.p > 0)
 
 
+PACKET_TYPE = "event_camera_msgs/msg/EventPacket"
+
+
+def event_packet(payload: bytes, store, is_cdr: bool) -> bytes:
+    fields = {"height": 7, "width": 9, "seq": 3, "time_base": 10**18 + 1, "encoding": "evt3", "is_bigendian": False}
+    octets = np.frombuffer(payload, np.uint8)
+    message = store.types[PACKET_TYPE](header=header_of(store, is_cdr, "c"), events=octets, **fields)
+    return serialise(store, message, PACKET_TYPE, is_cdr)
+
+
 @pytest.mark.parametrize("is_cdr", [False, True])
 def test_packets_of_both_serialisations(is_cdr):
-    store = store_of(is_cdr)
-    payload = np.arange(11, dtype=np.uint8)
-    kind = store.types["event_camera_msgs/msg/EventPacket"]
-    fields = {"height": 7, "width": 9, "seq": 3, "time_base": 10**18 + 1, "encoding": "evt3", "is_bigendian": False}
-    message = kind(header=header_of(store, is_cdr, "c"), events=payload, **fields)
-    packet = parse_packet(serialise(store, message, "event_camera_msgs/msg/EventPacket", is_cdr), is_cdr)
-    assert packet == Packet(9, 7, 10**18 + 1, "evt3", payload.tobytes())
+    payload = bytes(range(11))
+    packet = parse_packet(event_packet(payload, store_of(is_cdr), is_cdr), is_cdr)
+    assert packet == Packet(9, 7, 10**18 + 1, "evt3", payload)
 
 
 @pytest.mark.parametrize("is_cdr", [False, True])
@@ -121,9 +128,9 @@ def text(value: str) -> bytes:
     return struct.pack("<I", len(value)) + value.encode()
 
 
-def write_mcap(path, messages: list[bytes], compression: str) -> None:
+def write_mcap(path, messages: list[bytes], compression: str, kind: str = "dvs_msgs/msg/EventArray") -> None:
     """One chunk with everything in it, by the specification."""
-    inner = record(3, struct.pack("<H", 1) + text("dvs_msgs/msg/EventArray") + text("ros2msg") + text(""))
+    inner = record(3, struct.pack("<H", 1) + text(kind) + text("ros2msg") + text(""))
     inner += record(4, struct.pack("<HH", 1, 1) + text("/dvs/events") + text("cdr") + struct.pack("<I", 0))
     for number, content in enumerate(messages):
         inner += record(5, struct.pack("<HIQQ", 1, number, 0, 0) + content)
@@ -173,3 +180,35 @@ def test_a_cut_mcap_keeps_what_came_before_and_says_so(tmp_path):
     with open_recording(path) as recording:
         assert recording.num_events == 30
         assert any("breaks off" in remark.text for remark in recording.remarks)
+
+
+def write_bag(path, messages: list[bytes]) -> None:
+    store = store_of(False)
+    with Ros1Writer(path) as bag:
+        topic = bag.add_connection("/events", PACKET_TYPE, typestore=store)
+        for number, content in enumerate(messages):
+            bag.write(topic, number, content)
+
+
+@pytest.mark.parametrize("is_cdr", [False, True])
+def test_evt3_packets_are_one_stream_that_keeps_its_clock_and_tells_what_was_odd(tmp_path, is_cdr):
+    high, low, pixel = 0x8 << 12, 0x6 << 12, 0x2 << 12
+    # The first packet begins before any time word; the second ends in half a word; the clock begins anew unseen.
+    packets = [[pixel | 1, high | 4094, low | 7, 5, pixel | 2], [pixel | 3], [high | 1, low | 9, pixel | 4]]
+    contents = [np.array(words, "<u2").tobytes() for words in packets]
+    contents[1] += b"\x00"
+    messages = [event_packet(content, store_of(is_cdr), is_cdr) for content in contents]
+    path = tmp_path / ("a.mcap" if is_cdr else "a.bag")
+    if is_cdr:
+        write_mcap(path, messages, "", PACKET_TYPE)
+    else:
+        write_bag(path, messages)
+    with open_recording(path) as recording:
+        found = all_events(recording)
+        told = [remark.text for remark in recording.remarks if remark.kind == "repaired"]
+    assert (found.x.tolist(), found.y.tolist()) == ([2, 3, 4], [5, 5, 5])
+    assert found.t.tolist() == [4094 << 12 | 7, 4094 << 12 | 7, 4097 << 12 | 9]
+    assert told == [
+        "1 words before the stream's first time were left out",
+        "1 packets end in half a word, which was left out; they may be truncated",
+    ]
