@@ -75,7 +75,7 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         ("rate", _sparkline(found.rates)),
         ("gaps", f"{len(found.gaps)}{first_gap}"),
         ("stamps", f"{found.num_equal_stamps:,} equal to the one before, {found.num_repeated_events:,} repeats"),
-        ("pixels", f"{found.num_silent_pixels:,} silent, {len(found.hot_pixels)} hot"),
+        ("pixels", _pixels(found)),
     ]
     if found.frames is not None:
         frames = found.frames
@@ -84,6 +84,12 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
     rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
     return rows
+
+
+def _pixels(found: Examination) -> str:
+    if found.num_silent_pixels is None:
+        return f"counted in cells of {found.cell} × {found.cell}"
+    return f"{found.num_silent_pixels:,} silent, {len(found.hot_pixels)} hot"
 
 
 def _sparkline(rates: tuple[float, ...], width: int = 60) -> str:
