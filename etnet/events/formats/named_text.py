@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
-from etnet.events.formats.arrays import NAMES
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.collect import collect
+from etnet.events.formats.column_names import NAMES
 from etnet.events.formats.rows import Columns
 from etnet.events.formats.text import text_pieces
 
