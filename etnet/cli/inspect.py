@@ -13,7 +13,9 @@ from rich.table import Table
 
 from etnet.cli.progress import fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
+from etnet.errors import EtnetError
 from etnet.events.doctor import Examination, examine
+from etnet.targets import check_target
 
 _BARS = " ▁▂▃▄▅▆▇█"
 
@@ -28,11 +30,13 @@ class Inspect:
     json: bool = False
     """Print JSON instead of the page."""
     picture: Path | None = None
-    """Write a PNG: rate curve, events per pixel, steps between events."""
+    """Write a PNG (a name that ends in .png): rate curve, events per pixel, steps between events."""
 
 
 def run(config: Inspect) -> int:
     """Do it; returns the exit code."""
+    if config.picture is not None:
+        _check_picture(config.picture, config.file)
     with (
         open_with_progress(config.file, config.opening) as recording,
         fraction_callback("looking through") as progress,
@@ -45,6 +49,15 @@ def run(config: Inspect) -> int:
     else:
         _print_page(found)
     return 0
+
+
+def _check_picture(path: Path, recording: Path) -> None:
+    """A slip of the keyboard must not cost a recording."""
+    if path.suffix.lower() != ".png":
+        raise EtnetError(f"--picture {path}: a PNG is written; give it a name that ends in .png")
+    if path.exists() and recording.exists() and path.samefile(recording):
+        raise EtnetError(f"--picture {path}: is the recording itself; choose another name")
+    check_target(path)
 
 
 def _print_page(found: Examination) -> None:

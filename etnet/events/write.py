@@ -21,6 +21,7 @@ from etnet.events.assumptions import Progress
 from etnet.events.events import Events
 from etnet.events.formats.base import contained
 from etnet.events.recording import Recording, Remark
+from etnet.targets import check_target
 
 Layout = Literal["event_utils", "dsec", "aedat4", "evt3", "csv", "npz"]
 
@@ -81,7 +82,7 @@ def write_recording(
     `span` (µs, both ends included) is the stretch that the events stand for, where it is longer than from the first of
     them to the last: the frames at its ends are written too. `layout` is judged by the suffix if not given. What the
     layout cannot hold is told in the remarks. Raises RecordingError if the file is there already, if the layout cannot
-    hold the events, or if the disk fails.
+    hold the events, or if the disk fails; EtnetError if what is there is no regular file.
     """
     path = Path(path)
     chosen = layout or _SUFFIXES.get(path.suffix.lower())
@@ -94,6 +95,7 @@ def write_recording(
         raise RecordingError(
             f"{recording.name}: cannot write events {start} … {stop} of {recording.num_events}; choose at least one"
         )
+    check_target(path)
     if path.exists() and not overwrite:
         raise RecordingError(f"{path.name}: is there already; choose another name or allow overwriting")
     part = _Part(recording, start, stop, progress or (lambda _: None), span)
