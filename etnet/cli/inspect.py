@@ -95,6 +95,8 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         size = f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second"
         since = f"the first {frames.first_after_first_event:+,} µs from the first event"
         rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
+    if found.num_looked_at < found.num_events:
+        rows.append(("looked at", f"{found.num_looked_at:,} events, in blocks spread evenly over it"))
     rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
     return rows
 

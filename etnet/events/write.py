@@ -107,7 +107,7 @@ def write_recording(
             os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
-    return remarks
+    return remarks + _without_motion(recording)
 
 
 def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
@@ -179,6 +179,8 @@ def _write_dsec(part: _Part, path: Path) -> tuple[Remark, ...]:
         # Events before `start` may carry the first stamp too.
         file["ms_to_idx"] = np.maximum(np.array(indices, np.int64), 0).astype(np.uint64)
         file["t_offset"] = np.int64(first)
+        # No part of the layout, which is that of one camera; event_utils' attribute, which our reader takes here too.
+        file.attrs["sensor_resolution"] = np.array([part.recording.sensor.height, part.recording.sensor.width])
     return _without_frames(part, "DSEC keeps its pictures in files of their own")
 
 
@@ -224,7 +226,10 @@ def _write_csv(part: _Part, path: Path) -> tuple[Remark, ...]:
         for events in part.blocks():
             rows = zip(events.t.tolist(), events.x.tolist(), events.y.tolist(), (events.p > 0).tolist(), strict=True)
             file.writelines(f"{t},{x},{y},{p:d}\n" for t, x, y, p in rows)
-    return _without_frames(part, "CSV has none")
+    sensor = part.recording.sensor
+    size = f"open it with --assume width={sensor.width},height={sensor.height}"
+    said = Remark("detected", f"the sensor's size, {sensor}, was not written: CSV has no place for it; {size}")
+    return (said, *_without_frames(part, "CSV has none"))
 
 
 def _write_npz(part: _Part, path: Path) -> tuple[Remark, ...]:
@@ -247,6 +252,13 @@ def _without_frames(part: _Part, why: str) -> tuple[Remark, ...]:
     if part.recording.ground_truth is None:
         return ()
     return (Remark("detected", f"the camera's frames were not written: {why}"),)
+
+
+def _without_motion(recording: Recording) -> tuple[Remark, ...]:
+    if recording.inertial is None:
+        return ()
+    num_samples = len(recording.inertial)
+    return (Remark("detected", f"{num_samples} samples of the camera's motion were not written: no layout has them"),)
 
 
 _WRITERS: dict[str, Callable[[_Part, Path], tuple[Remark, ...]]] = {

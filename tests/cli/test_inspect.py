@@ -3,6 +3,7 @@
 import pytest
 
 from etnet.cli.main import main
+from etnet.events import doctor
 
 ROWS = "20 12\n" + "".join(f"{i / 1000:.6f} {i % 7} {i % 5} {i % 2}\n" for i in range(300))
 
@@ -24,3 +25,13 @@ def test_the_picture_is_written_and_replaces_another(tmp_path):
     for _ in range(2):
         assert main(["inspect", str(tmp_path / "a.txt"), "--picture", str(tmp_path / "a.PNG")]) == 0
     assert (tmp_path / "a.PNG").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_that_only_a_part_was_looked_at_is_told(tmp_path, capsys, monkeypatch):
+    (tmp_path / "a.txt").write_text(ROWS)
+    assert main(["inspect", str(tmp_path / "a.txt")]) == 0
+    assert "looked at" not in capsys.readouterr().out
+    monkeypatch.setattr(doctor, "LARGEST_LOOK", 150)
+    monkeypatch.setattr(doctor, "_BLOCK", 50)
+    assert main(["inspect", str(tmp_path / "a.txt")]) == 0
+    assert "150 events, in blocks" in capsys.readouterr().out
