@@ -8,7 +8,7 @@ import h5py
 import hdf5plugin  # noqa: F401  (registers Blosc, zstd and LZ4 with the HDF5 library)
 
 from etnet.errors import RecordingError
-from etnet.events.formats.base import Request, contained
+from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.store import FREE_SIZE, MAX_RATIO
 
 LARGEST_CHUNK = 1 << 28
@@ -67,6 +67,13 @@ def dataset(group: h5py.Group, path: str, name: str, *, ndim: int | None = 1) ->
     if ndim is not None and node.ndim != ndim:
         raise RecordingError(f"{name}: {path} has {node.ndim} dimensions; wanted {ndim}")
     return node
+
+
+def say_unread(group: h5py.Group, path: str, what: str, name: str, remarks: Remarks) -> None:
+    """Count what lies beside the events and is not read."""
+    node = find(group, path, name)
+    if isinstance(node, h5py.Dataset) and node.shape and node.shape[0]:
+        remarks.detected(f"{node.shape[0]} {what}, which are not read further")
 
 
 def check_growth(column: h5py.Dataset, path: str, name: str) -> None:
