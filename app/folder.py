@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import os
+from collections import OrderedDict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,8 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 """Videos are shown as an event sensor would see them."""
 MAX_ENTRIES = 500
 """Recordings listed of a folder."""
+MAX_FOLDERS = 10_000
+"""Folders looked into: every look, every few seconds, goes through them."""
 RESTS = 2.0
 """Seconds for which a file that came or changed must stay as it is before it is offered."""
 _KEPT_TURNS = 10_000
@@ -22,21 +25,31 @@ Sign = tuple[int, int]
 
 
 def recordings_in(folder: Path) -> dict[Path, Sign]:
-    """What can be a recording, by its path, the upper folders first."""
+    """What can be a recording, by its path, the upper folders first.
+
+    No link to a folder is followed: it leads in a circle, or out, or to what is found without it. A file may be a link
+    if what it leads to lies in `folder` too; whoever watches a folder does not offer what lies elsewhere.
+    """
     from etnet.events.formats.table import FORMATS
 
     suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
     found: dict[Path, Sign] = {}
-    waiting = [folder]
+    root = os.path.realpath(folder)
+    waiting, num_folders = deque([folder]), 1
     while waiting and len(found) < MAX_ENTRIES:
-        for path in _inside(waiting.pop(0)):
+        for path in _inside(waiting.popleft()):
             if path.name.startswith("."):
                 continue
             if path.is_dir():
-                if any((path / sign).is_file() for sign in _FOLDER_SIGNS):
+                if path.is_symlink():
+                    continue
+                if any((path / sign).is_file() and lies_in(root, path / sign) for sign in _FOLDER_SIGNS):
                     found[path] = sign_of(path)
-                else:
+                elif num_folders < MAX_FOLDERS:
                     waiting.append(path)
+                    num_folders += 1
+            elif not lies_in(root, path):
+                continue
             elif path.suffix.lower() in suffixes and path.name.lower() not in _BESIDE_EVENTS:
                 found[path] = sign_of(path)
     return dict(list(found.items())[:MAX_ENTRIES])
@@ -60,6 +73,11 @@ def size_of(path: Path) -> str:
     if path.is_dir():
         return "folder"
     return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
+
+
+def lies_in(root: str | Path, path: Path) -> bool:
+    """Whether a file, or what its link leads to, is below `root`."""
+    return not path.is_symlink() or Path(os.path.realpath(path)).is_relative_to(root)
 
 
 def _inside(folder: Path) -> list[Path]:

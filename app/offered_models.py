@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from app.config import ViewerConfig
+from app.folder import lies_in
 from etnet.bundled import models
 from etnet.errors import WeightsError
 
@@ -68,7 +69,9 @@ def offered_models(config: ViewerConfig) -> Iterator[ModelEntry]:
 
 
 def _weights_in(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*.safetensors") if not path.name.startswith("."))[:MAX_MODELS]
+    root = folder.resolve()
+    found = (path for path in folder.rglob("*.safetensors") if not path.name.startswith(".") and lies_in(root, path))
+    return sorted(found)[:MAX_MODELS]
 
 
 def _own_entry(path: Path) -> ModelEntry:

@@ -66,7 +66,7 @@ def _rows(found: Examination) -> str:
         ("Gaps", _gaps(found)),
         ("Equal stamps", f"{count(found.num_equal_stamps)}; at most {count(found.longest_equal_run)} events share one"),
         ("Repeated", f"{count(found.num_repeated_events)} events with stamp, pixel and polarity of the one before"),
-        ("Pixels", f"{count(found.num_silent_pixels)} silent, {len(found.hot_pixels)} hot"),
+        ("Pixels", _pixels(found)),
         ("Camera frames", _frames(found)),
     ]
     if found.num_events:
@@ -76,6 +76,12 @@ def _rows(found: Examination) -> str:
         rows.append(("Looked at", f"{count(found.num_looked_at)} events in blocks spread evenly over it"))
     told = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in rows)
     return f'<div class="etv-told"><dl>{told}</dl></div>'
+
+
+def _pixels(found: Examination) -> str:
+    if found.num_silent_pixels is None:
+        return f"counted in cells of {found.cell} × {found.cell}, for they are too many"
+    return f"{count(found.num_silent_pixels)} silent, {len(found.hot_pixels)} hot"
 
 
 def _gaps(found: Examination) -> str:
@@ -115,7 +121,7 @@ def _pictures(found: Examination, on_pick: str) -> str:
         f"<h4>Rate, up to {rate(found.peak_rate)}</h4>"
         f'<div class="et-chart et-short{pickable}" data-testid="rates" {at}>{rates}</div>'
         f'<div class="et-caption et-ends"><span>0 s</span>{go}<span>{seconds(length)}</span></div>'
-        f"<h4>Events of each pixel</h4>{_counts(found, on_pick)}"
+        f"<h4>Events of each {'pixel' if found.cell == 1 else 'cell'}</h4>{_counts(found, on_pick)}"
         f"<h4>From one event to the next</h4>"
         f'<div class="et-chart et-short" data-testid="steps">{steps}</div>'
         f'<div class="et-caption et-steps">{ticks}</div>'

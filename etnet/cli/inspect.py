@@ -13,7 +13,9 @@ from rich.table import Table
 
 from etnet.cli.progress import fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
+from etnet.errors import EtnetError
 from etnet.events.doctor import Examination, examine
+from etnet.targets import check_target
 
 _BARS = " ▁▂▃▄▅▆▇█"
 
@@ -28,11 +30,13 @@ class Inspect:
     json: bool = False
     """Print JSON instead of the page."""
     picture: Path | None = None
-    """Write a PNG: rate curve, events per pixel, steps between events."""
+    """Write a PNG (a name that ends in .png): rate curve, events per pixel, steps between events."""
 
 
 def run(config: Inspect) -> int:
     """Do it; returns the exit code."""
+    if config.picture is not None:
+        _check_picture(config.picture, config.file)
     with (
         open_with_progress(config.file, config.opening) as recording,
         fraction_callback("looking through") as progress,
@@ -45,6 +49,15 @@ def run(config: Inspect) -> int:
     else:
         _print_page(found)
     return 0
+
+
+def _check_picture(path: Path, recording: Path) -> None:
+    """A slip of the keyboard must not cost a recording."""
+    if path.suffix.lower() != ".png":
+        raise EtnetError(f"--picture {path}: a PNG is written; give it a name that ends in .png")
+    if path.exists() and recording.exists() and path.samefile(recording):
+        raise EtnetError(f"--picture {path}: is the recording itself; choose another name")
+    check_target(path)
 
 
 def _print_page(found: Examination) -> None:
@@ -75,15 +88,23 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         ("rate", _sparkline(found.rates)),
         ("gaps", f"{len(found.gaps)}{first_gap}"),
         ("stamps", f"{found.num_equal_stamps:,} equal to the one before, {found.num_repeated_events:,} repeats"),
-        ("pixels", f"{found.num_silent_pixels:,} silent, {len(found.hot_pixels)} hot"),
+        ("pixels", _pixels(found)),
     ]
     if found.frames is not None:
         frames = found.frames
         size = f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second"
         since = f"the first {frames.first_after_first_event:+,} µs from the first event"
         rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
+    if found.num_looked_at < found.num_events:
+        rows.append(("looked at", f"{found.num_looked_at:,} events, in blocks spread evenly over it"))
     rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
     return rows
+
+
+def _pixels(found: Examination) -> str:
+    if found.num_silent_pixels is None:
+        return f"counted in cells of {found.cell} × {found.cell}"
+    return f"{found.num_silent_pixels:,} silent, {len(found.hot_pixels)} hot"
 
 
 def _sparkline(rates: tuple[float, ...], width: int = 60) -> str:

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Int64, UInt32
 from etnet.errors import RecordingError
 from etnet.events.doctor import hot_pixels
 from etnet.events.events import Events, Sensor
+from etnet.events.pixel_counts import check_countable
 from etnet.events.recording import Recording, Remark, Span
 
 MOST_EVENTS = 20_000_000
@@ -52,6 +53,7 @@ def cleaned(recording: Recording, cleaning: Cleaning) -> Recording:
         raise RecordingError(
             f"{recording.name}: {recording.num_events:,} events, noise tools take {MOST_EVENTS:,}; look at a region"
         )
+    check_countable(recording)
     kept = np.concatenate([np.empty(0, np.uint32), *_kept(recording, cleaning)])
     if not len(kept):
         raise RecordingError(f"{recording.name}: no event is left after cleaning; filter less")

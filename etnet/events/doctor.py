@@ -11,6 +11,7 @@ from jaxtyping import Int64
 
 from etnet.events.assumptions import Progress
 from etnet.events.events import Events
+from etnet.events.pixel_counts import LARGEST_COUNTED, HotPixel, PixelCounts, outstanding
 from etnet.events.recording import Recording
 
 RATE_BINS = 200
@@ -22,25 +23,12 @@ LARGEST_LOOK = 20_000_000
 SUGGESTED_DENSITY = 0.35
 """Events per pixel of the suggested window: rpg_e2vid's default."""
 
-HOT_FACTOR = 10
-"""A pixel is hot if it has this many times the events of the busiest of its eight neighbours."""
-
 _BLOCK = 1 << 18
 _LOOKS_AT_ONCE = 10
-_HOT_SHARE = 1e-4
 _MOST_NAMED = 20
 _STEP_EDGES = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 10_000, 100_000, 1_000_000)
 _GAP_FACTOR = 1000
 _SHORTEST_GAP = 10_000
-
-
-@dataclass(frozen=True, slots=True)
-class HotPixel:
-    """A pixel that fires far more than its neighbours."""
-
-    x: int
-    y: int
-    num_events: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +59,8 @@ class Examination:
 
     `rates` has one value for each of `RATE_BINS` equal parts of the span. `step_counts[i]` counts steps between
     neighbouring events of `step_edges[i]` … `step_edges[i + 1]` µs (the last one upwards). `count_image` is events per
-    pixel of those that were looked at.
+    pixel of those that were looked at; of a sensor that is too large for that, per cell of `cell` × `cell` pixels, and
+    then silent and hot pixels are not known.
     """
 
     name: str
@@ -92,7 +81,8 @@ class Examination:
     num_repeated_events: int
     step_edges: tuple[int, ...]
     step_counts: tuple[int, ...]
-    num_silent_pixels: int
+    cell: int
+    num_silent_pixels: int | None
     hot_pixels: tuple[HotPixel, ...]
     frames: FramesExam | None
     suggested_events: int
@@ -110,7 +100,7 @@ class Examination:
 class _Tally:
     """What one pass counts."""
 
-    counts: Int64[np.ndarray, " pixels"]
+    counts: PixelCounts
     steps: Int64[np.ndarray, " bins"] = field(default_factory=lambda: np.zeros(len(_STEP_EDGES), np.int64))
     num_on: int = 0
     num_looked_at: int = 0
@@ -123,13 +113,13 @@ class _Tally:
         """Take in one block; steps between blocks are not counted."""
         if len(events) == 0:
             return
-        places = events.y.astype(np.int64) * events.sensor.width + events.x
-        self.counts += np.bincount(places, minlength=len(self.counts))
+        self.counts.add(events)
         self.num_on += int(np.count_nonzero(events.p > 0))
         self.num_looked_at += len(events)
         steps = np.diff(events.t)
         self.steps += np.bincount(np.searchsorted(_STEP_EDGES, steps, "right") - 1, minlength=len(self.steps))
         is_equal = steps == 0
+        places = events.y.astype(np.int64) * events.sensor.width + events.x
         self.num_equal += int(np.count_nonzero(is_equal))
         same = is_equal & (np.diff(places) == 0) & (events.p[1:] == events.p[:-1])
         self.num_repeated += int(np.count_nonzero(same))
@@ -157,7 +147,7 @@ def look_through(recording: Recording) -> Iterator[tuple[Examination | None, flo
         if len(indices) % _LOOKS_AT_ONCE == 0:
             yield None, 0.0
     shortest_gap = max(_SHORTEST_GAP, int(_GAP_FACTOR * 1e6 / max(_mean_rate(recording), 1e-9)))
-    tally = _Tally(np.zeros(recording.sensor.num_pixels, np.int64))
+    tally = _Tally(PixelCounts(recording.sensor))
     for fraction, events in _blocks(recording):
         tally.look(events, shortest_gap)
         yield None, min(fraction, 0.99)
@@ -166,9 +156,9 @@ def look_through(recording: Recording) -> Iterator[tuple[Examination | None, flo
 
 def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> Examination:
     mean_rate = _mean_rate(recording)
-    image = tally.counts.reshape(recording.sensor.height, recording.sensor.width)
+    image, is_each_pixel = tally.counts.image, tally.counts.cell == 1
     suggested = min(max(1, round(SUGGESTED_DENSITY * recording.sensor.num_pixels)), max(1, recording.num_events))
-    hot = _hot_pixels(image)
+    hot = outstanding(image) if is_each_pixel else ()
     frames = _frames(recording)
     gaps = tuple(sorted(tally.wide_steps, key=lambda gap: gap.start - gap.stop)[:_MOST_NAMED])
     return Examination(
@@ -190,7 +180,8 @@ def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> 
         num_repeated_events=tally.num_repeated,
         step_edges=_STEP_EDGES,
         step_counts=tuple(tally.steps.tolist()),
-        num_silent_pixels=int(np.count_nonzero(image == 0)),
+        cell=tally.counts.cell,
+        num_silent_pixels=int(np.count_nonzero(image == 0)) if is_each_pixel else None,
         hot_pixels=hot[:_MOST_NAMED],
         frames=frames,
         suggested_events=suggested,
@@ -232,26 +223,11 @@ def _blocks(recording: Recording) -> Iterator[tuple[float, Events]]:
 
 
 def hot_pixels(recording: Recording) -> tuple[HotPixel, ...]:
-    """All pixels that fire `HOT_FACTOR` times more than the busiest of their neighbours, the worst first."""
-    counts = np.zeros(recording.sensor.num_pixels, np.int64)
+    """All hot pixels of a recording whose pixels can be counted one by one (`check_countable`), the worst first."""
+    counts = PixelCounts(recording.sensor)
     for _, events in _blocks(recording):
-        places = events.y.astype(np.int64) * events.sensor.width + events.x
-        counts += np.bincount(places, minlength=len(counts))
-    return _hot_pixels(counts.reshape(recording.sensor.height, recording.sensor.width))
-
-
-def _hot_pixels(image: Int64[np.ndarray, "h w"]) -> tuple[HotPixel, ...]:
-    padded = np.pad(image, 1)
-    height, width = image.shape
-    around = np.zeros_like(image)
-    for down in range(3):
-        for right in range(3):
-            if (down, right) != (1, 1):
-                around = np.maximum(around, padded[down : down + height, right : right + width])
-    is_hot = (image >= HOT_FACTOR * (around + 1)) & (image >= _HOT_SHARE * image.sum())
-    rows, columns = np.nonzero(is_hot)
-    found = [HotPixel(int(x), int(y), int(image[y, x])) for y, x in zip(rows, columns, strict=True)]
-    return tuple(sorted(found, key=lambda pixel: -pixel.num_events))
+        counts.add(events)
+    return outstanding(counts.image)
 
 
 def _frames(recording: Recording) -> FramesExam | None:
@@ -281,6 +257,11 @@ def _advice(
     looked = max(1, tally.num_looked_at)
     if tally.num_looked_at == 0:
         return ("there are no events to look at",)
+    if tally.counts.cell > 1:
+        said.append(
+            f"a sensor of {recording.sensor} has more than {LARGEST_COUNTED:,} pixels: events were counted in cells of "
+            f"{tally.counts.cell}×{tally.counts.cell}, silent and hot pixels were not; is the size right?"
+        )
     if not 0.1 <= tally.num_on / looked <= 0.9:
         said.append(
             f"{tally.num_on / looked:.0%} of the events are ON: check the polarity coding or the camera's biases"

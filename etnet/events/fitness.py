@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from etnet.events.clean import Support
-from etnet.events.doctor import HotPixel, hot_pixels
+from etnet.events.doctor import hot_pixels
+from etnet.events.pixel_counts import HotPixel, check_countable
 from etnet.events.recording import GroundTruth, Recording
 
 SUPPORT_WITHIN = 20_000
@@ -79,6 +80,7 @@ class Fitness:
 
 def measure_fitness(recording: Recording) -> Iterator[tuple[Fitness, float]]:
     """The findings so far and the share done, after each short stretch of work."""
+    check_countable(recording)
     activity = None
     for activity, share in _activities(recording):
         yield Fitness(activity), 0.7 * share

@@ -22,6 +22,7 @@ from etnet.events.clock_turns import mark_turns
 from etnet.events.events import Events
 from etnet.events.formats.base import contained
 from etnet.events.recording import Recording, Remark
+from etnet.targets import check_target
 
 Layout = Literal["event_utils", "dsec", "aedat4", "evt3", "csv", "npz"]
 
@@ -82,7 +83,7 @@ def write_recording(
     `span` (µs, both ends included) is the stretch that the events stand for, where it is longer than from the first of
     them to the last: the frames at its ends are written too. `layout` is judged by the suffix if not given. What the
     layout cannot hold is told in the remarks. Raises RecordingError if the file is there already, if the layout cannot
-    hold the events, or if the disk fails.
+    hold the events, or if the disk fails; EtnetError if what is there is no regular file.
     """
     path = Path(path)
     chosen = layout or _SUFFIXES.get(path.suffix.lower())
@@ -95,6 +96,7 @@ def write_recording(
         raise RecordingError(
             f"{recording.name}: cannot write events {start} … {stop} of {recording.num_events}; choose at least one"
         )
+    check_target(path)
     if path.exists() and not overwrite:
         raise RecordingError(f"{path.name}: is there already; choose another name or allow overwriting")
     part = _Part(recording, start, stop, progress or (lambda _: None), span)
@@ -106,7 +108,7 @@ def write_recording(
             os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
-    return remarks
+    return remarks + _without_motion(recording)
 
 
 def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
@@ -178,6 +180,8 @@ def _write_dsec(part: _Part, path: Path) -> tuple[Remark, ...]:
         # Events before `start` may carry the first stamp too.
         file["ms_to_idx"] = np.maximum(np.array(indices, np.int64), 0).astype(np.uint64)
         file["t_offset"] = np.int64(first)
+        # No part of the layout, which is that of one camera; event_utils' attribute, which our reader takes here too.
+        file.attrs["sensor_resolution"] = np.array([part.recording.sensor.height, part.recording.sensor.width])
     return _without_frames(part, "DSEC keeps its pictures in files of their own")
 
 
@@ -224,7 +228,10 @@ def _write_csv(part: _Part, path: Path) -> tuple[Remark, ...]:
         for events in part.blocks():
             rows = zip(events.t.tolist(), events.x.tolist(), events.y.tolist(), (events.p > 0).tolist(), strict=True)
             file.writelines(f"{t},{x},{y},{p:d}\n" for t, x, y, p in rows)
-    return _without_frames(part, "CSV has none")
+    sensor = part.recording.sensor
+    size = f"open it with --assume width={sensor.width},height={sensor.height}"
+    said = Remark("detected", f"the sensor's size, {sensor}, was not written: CSV has no place for it; {size}")
+    return (said, *_without_frames(part, "CSV has none"))
 
 
 def _write_npz(part: _Part, path: Path) -> tuple[Remark, ...]:
@@ -247,6 +254,13 @@ def _without_frames(part: _Part, why: str) -> tuple[Remark, ...]:
     if part.recording.ground_truth is None:
         return ()
     return (Remark("detected", f"the camera's frames were not written: {why}"),)
+
+
+def _without_motion(recording: Recording) -> tuple[Remark, ...]:
+    if recording.inertial is None:
+        return ()
+    num_samples = len(recording.inertial)
+    return (Remark("detected", f"{num_samples} samples of the camera's motion were not written: no layout has them"),)
 
 
 _WRITERS: dict[str, Callable[[_Part, Path], tuple[Remark, ...]]] = {

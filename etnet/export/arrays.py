@@ -21,6 +21,7 @@ from etnet.export.take import IsCancelled, Moment, Progress, Take
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.padding import TokenGrid
 from etnet.reconstruction import window_voxel
+from etnet.targets import check_target
 
 ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
 
@@ -116,6 +117,7 @@ def _numpy(tensor: Tensor) -> np.ndarray:
 
 
 def _opened(path: Path, length: int, facts: Mapping[str, Any]) -> AbstractContextManager[ArraySink]:
+    check_target(path)
     if path.suffix == ".npz":
         return _npz(path, length, facts)
     if path.suffix in (".h5", ".hdf5"):

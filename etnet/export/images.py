@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from etnet.errors import EtnetError
+from etnet.targets import check_target
 
 
 def to_uint8(frame: Float32[np.ndarray, "h w"], gamma: float = 1.0) -> UInt8[np.ndarray, "h w"]:
@@ -28,6 +29,7 @@ def write_png(path: Path, image: UInt8[np.ndarray, "h w"] | UInt8[np.ndarray, "h
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a whole file or nothing."""
+    check_target(path)
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_bytes(content)

@@ -14,6 +14,7 @@ from etnet.errors import EtnetError
 from etnet.export.pace import Pace, pace_of
 from etnet.export.pictures import Look, Picture, draw
 from etnet.export.take import IsCancelled, Progress, Take
+from etnet.targets import check_target
 
 GIF_FASTEST = 50.0
 """Frames a second: a GIF counts in hundredths, and browsers slow down what is shorter than two of them."""
@@ -107,6 +108,7 @@ def _writer(
 ) -> Generator[FrameSink]:
     import imageio_ffmpeg
 
+    check_target(path)
     width, height = size
     padded = (width + -width % multiple, height + -height % multiple)
     temporary = path.with_name(f"{path.stem}.{os.getpid()}.tmp{path.suffix or '.mp4'}")

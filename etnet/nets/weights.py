@@ -20,6 +20,7 @@ from etnet.errors import ModelError, WeightsError
 from etnet.nets.precision import PrecisionChoice, choose_runtime
 from etnet.nets.presets import ARCHITECTURES, PRESETS, UNTRAINED, Network, build_model
 from etnet.nets.runtime import apply_runtime
+from etnet.targets import check_target
 
 FORMAT = "etnet-weights-1"
 
@@ -28,6 +29,7 @@ def save_weights(
     model: nn.Module, path: Path, card: Mapping[str, Any] | None = None, dtype: torch.dtype | None = torch.float16
 ) -> None:
     """Write a model's weights, configuration and card to `path`, atomically; fp16 unless told otherwise."""
+    check_target(path)
     config: Any = model.config
     metadata = {
         "format": FORMAT,

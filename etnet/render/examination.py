@@ -34,7 +34,7 @@ def draw_examination(found: Examination) -> UInt8[np.ndarray, "h w 3"]:
     _bars(image, rate, np.asarray(found.rates))
     _write(
         image,
-        f"events per pixel (99.5 % have at most {_limit(found):.0f}); {len(found.hot_pixels)} hot",
+        f"events per {_place(found)} (99.5 % have at most {_limit(found):.0f}); {len(found.hot_pixels)} hot",
         (counts[0], counts[1] - 8),
     )
     _counts(image, counts, found)
@@ -44,6 +44,10 @@ def draw_examination(found: Examination) -> UInt8[np.ndarray, "h w 3"]:
         x = steps[0] + round(steps[2] * i / len(found.step_edges))
         _write(image, f"{found.step_edges[i]:,}", (x, steps[1] + steps[3] + 15), 0.38)
     return image
+
+
+def _place(found: Examination) -> str:
+    return "pixel" if found.cell == 1 else f"{found.cell} x {found.cell} pixels"
 
 
 def _limit(found: Examination) -> float:

@@ -21,6 +21,7 @@ from jaxtyping import Float32, UInt8
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.simulation.sensor import PixelArray, SensorTraits, draw_noise, events_of
+from etnet.targets import check_target
 
 CHUNK = 65_536
 """Events stored together."""
@@ -79,6 +80,7 @@ def simulate_video(
 
     One frame and its events are in memory at a time. `out` appears whole or not at all.
     """
+    check_target(out)
     part = out.with_name(out.name + ".part")
     try:
         num_events = 0

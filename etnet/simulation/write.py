@@ -17,6 +17,7 @@ from jaxtyping import Float32, Int64, UInt8
 
 from etnet.events.events import Events
 from etnet.simulation.sequence import Sequence
+from etnet.targets import check_target
 
 CHUNK = 65_536
 """Events read together."""
@@ -42,6 +43,7 @@ def take_of(sequence: Sequence, with_flow: bool = True) -> Take:
 
 def write_take(path: Path, take: Take, attributes: Mapping[str, str | int | float], gzip_level: int = 4) -> None:
     """Write `take` to `path`, whole or not at all: a broken run leaves a *.part file and never a half recording."""
+    check_target(path)
     part = path.with_name(path.name + ".part")
     # The 1.10 format (2016) indexes a picture of one chunk in place: 2.5 kB less for each.
     with h5py.File(part, "w", libver=("v110", "v110")) as file:

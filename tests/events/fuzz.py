@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from etnet.errors import RecordingError
+from etnet.events.doctor import examine
 from etnet.events.open import open_recording
 
 LARGEST_READ = 1 << 20
@@ -47,7 +48,7 @@ def is_ours(error: BaseException) -> bool:
 
 
 def try_to_read(path: Path) -> str:
-    """Open and read a little of everything. Anything but a RecordingError of our own goes through."""
+    """Open, read a little, let the doctor look it through. Anything but a RecordingError of our own goes through."""
     try:
         with open_recording(path) as recording:
             stop = min(recording.num_events, LARGEST_READ)
@@ -61,6 +62,7 @@ def try_to_read(path: Path) -> str:
             if recording.ground_truth is not None and len(recording.ground_truth):
                 frame = recording.ground_truth.read_frame(len(recording.ground_truth) - 1)
                 assert frame.ndim == 2
+            examine(recording)
             return "opened"
     except RecordingError as refusal:
         cause: BaseException | None = refusal

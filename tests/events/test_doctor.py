@@ -7,11 +7,17 @@ import json
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from etnet.errors import RecordingError
+from etnet.events.clean import Cleaning, cleaned
 from etnet.events.doctor import examine, look_through
 from etnet.events.events import Events, Sensor
+from etnet.events.fitness import measure_fitness
 from etnet.events.open import open_recording
+from etnet.events.pixel_counts import LARGEST_COUNTED, PixelCounts
 from etnet.events.recording import GroundTruth, recording_of_events
+from etnet.render.examination import draw_examination
 from tests import strategies
 from tests.real_data import real_file
 
@@ -49,6 +55,36 @@ def test_a_hot_pixel_a_gap_and_foreign_frames_are_found():
     assert exam.frames.num_outside_span == 2
     assert exam.frames.frames_per_second == pytest.approx(25)
     assert len(exam.advice) == 4
+
+
+def test_a_sensor_of_too_many_pixels_is_counted_in_cells_and_that_is_told():
+    events = Events(
+        np.array([1, 65_535, 65_535], np.uint16), np.array([2, 0, 0], np.uint16), np.array([0, 5, 9]),
+        np.ones(3, np.int8), Sensor(65_536, 65_536),
+    )  # fmt: skip
+    recording = recording_of_events(events)
+    exam = examine(recording)
+    assert exam.cell > 1
+    assert exam.count_image.size <= LARGEST_COUNTED
+    assert exam.count_image[0, 0] == 1
+    assert exam.count_image[0, -1] == 2
+    assert (exam.num_silent_pixels, exam.hot_pixels) == (None, ())
+    assert any("in cells of" in said for said in exam.advice)
+    assert draw_examination(exam).ndim == 3
+    with pytest.raises(RecordingError, match="region"):
+        cleaned(recording, Cleaning(support_within=1000))
+    with pytest.raises(RecordingError, match="region"):
+        next(measure_fitness(recording))
+
+
+@given(width=st.integers(1, 65_536), height=st.integers(1, 65_536))
+def test_no_sensor_has_more_cells_than_are_counted(width, height):
+    sensor = Sensor(width, height)
+    counts = PixelCounts(sensor)
+    assert counts.image.size <= LARGEST_COUNTED
+    assert (counts.cell == 1) == (sensor.num_pixels <= LARGEST_COUNTED)
+    assert counts.image.shape[0] * counts.cell >= height
+    assert counts.image.shape[1] * counts.cell >= width
 
 
 @pytest.mark.real

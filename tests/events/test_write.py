@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import eventcv
 import faery
 import h5py
@@ -13,7 +15,7 @@ from hypothesis import strategies as st
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.open import Assumptions, open_recording
-from etnet.events.recording import GroundTruth, recording_of_events
+from etnet.events.recording import GroundTruth, Inertial, recording_of_events
 from etnet.events.write import write_recording
 from tests.events.containers import all_events, assert_same_events
 from tests.real_data import real_file
@@ -110,6 +112,29 @@ def test_what_a_layout_cannot_hold_is_said(tmp_path):
     events, truth = _with_frames()
     remarks = write_recording(recording_of_events(events, ground_truth=truth), tmp_path / "a.npz")
     assert any("frames were not written" in remark.text for remark in remarks)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_the_sensor_comes_back_or_that_it_does_not_is_said(layout, tmp_path):
+    recording = recording_of_events(random_events(np.random.default_rng(0), 50, Sensor(61, 43)))
+    recording = replace(recording, sensor=Sensor(99, 77))
+    path = tmp_path / f"a{LAYOUTS[layout]}"
+    said = write_recording(recording, path, layout)
+    if layout == "csv":
+        assert any("99×77" in str(remark) for remark in said)
+    else:
+        with open_recording(path) as back:
+            assert back.sensor == recording.sensor
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_that_motion_is_not_written_is_said(layout, tmp_path):
+    inertial = Inertial(np.arange(3), np.zeros((3, 3), np.float32), np.zeros((3, 3), np.float32))
+    recording = recording_of_events(random_events(np.random.default_rng(0), 50, Sensor(61, 43)))
+    path = tmp_path / f"a{LAYOUTS[layout]}"
+    assert not any("motion" in str(remark) for remark in write_recording(recording, path, layout))
+    said = write_recording(replace(recording, inertial=inertial), path, layout, overwrite=True)
+    assert any("3 samples of the camera's motion" in str(remark) for remark in said)
 
 
 def test_dsec_index_obeys_its_definition(tmp_path):

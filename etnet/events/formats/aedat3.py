@@ -22,7 +22,7 @@ from etnet.events.recording import GroundTruth
 
 _PACKET = struct.Struct("<hhiiiiii")
 _FRAME = struct.Struct("<I4i4i")
-_POLARITY, _FRAMES = 1, 2
+_SPECIAL, _POLARITY, _FRAMES, _IMU6, _IMU9 = range(5)
 _END = b"#!END-HEADER"
 _LARGEST_PACKET = 1 << 28
 _CHIPS = (("davis240", Sensor(240, 180)), ("davis346", Sensor(346, 260)), ("dvs128", Sensor(128, 128)))
@@ -33,6 +33,8 @@ class _Others:
     frames: FrameCache
     stamps: list[int] = field(default_factory=list)
     shape: tuple[int, ...] = ()
+    num_special: int = 0
+    num_motion: int = 0
     num_other: int = 0
     num_odd: int = 0
     num_invalid: int = 0
@@ -80,6 +82,10 @@ def _pieces(request: Request, start: int, others: _Others) -> Iterator[Decoded]:
                 yield _events(payload, overflow, others)._replace(fraction=file.tell() / size)
             elif kind == _FRAMES:
                 _keep_frames(payload, event_size, overflow, others)
+            elif kind in (_IMU6, _IMU9):
+                others.num_motion += number
+            elif kind == _SPECIAL:
+                others.num_special += number
             else:
                 others.num_other += number
 
@@ -129,8 +135,13 @@ def _say(others: _Others, remarks: Remarks) -> None:
         remarks.repaired(f"{others.num_invalid} events that the camera marked as invalid were left out")
     if others.num_odd:
         remarks.repaired(f"{others.num_odd} frames that are invalid or of another size were left out")
-    if others.num_other:
-        remarks.detected(f"{others.num_other} other samples (motion, triggers), which are not read further")
+    for number, what in (
+        (others.num_motion, "samples of motion"),
+        (others.num_special, "special events (triggers, clock resets)"),
+        (others.num_other, "other samples"),
+    ):
+        if number:
+            remarks.detected(f"{number} {what}, which are not read further")
 
 
 AEDAT3 = Format("AEDAT 3.1", (".aedat",), lambda request: request.head[:11] == b"#!AER-DAT3.", _open)

@@ -5,53 +5,54 @@ EVREAL: ercanburak/EVREAL, tools/bag_to_npy.py (events_ts in s, events_xy, event
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float32, Shaped
+from jaxtyping import Float32
 
 from etnet.errors import RecordingError
 from etnet.events.cache import grey
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.collect import Decoded
+from etnet.events.formats.column_names import column_keys
 from etnet.events.formats.columns import guessed_unit, stamps_in_microseconds
 from etnet.events.formats.paged import paged
-from etnet.events.formats.pictures import in_order
+from etnet.events.formats.pictures import check_size, in_order
 from etnet.events.formats.store import FolderStore, Store, ZipStore, read_small
 from etnet.events.recording import GroundTruth
 
-Columns = dict[str, Shaped[np.ndarray, " n"]]
 
-NAMES = {
-    "x": ("x", "xs", "events_x", "x_pos"),
-    "y": ("y", "ys", "events_y", "y_pos"),
-    "t": ("t", "ts", "timestamp", "timestamps", "time", "events_t", "events_ts", "t_us", "ts_us"),
-    "p": ("p", "ps", "pol", "polarity", "polarities", "events_p", "on"),
-}
+@runtime_checkable
+class Column(Protocol):
+    """Numbers in memory or in a file, read by slice."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        ...
+
+    def __getitem__(self, part: slice, /) -> Any:
+        """Some of them, as an array."""
+        ...
 
 
-def named_columns(table: Mapping[str, np.ndarray]) -> Columns | None:
-    """x, y, t and p under any of their usual names; None if one is missing."""
-    lower = {key.lower(): key for key in table}
-    keys = {axis: next((lower[name] for name in names if name in lower), None) for axis, names in NAMES.items()}
-    if None in keys.values():
-        return None
-    return {axis: np.asarray(table[key]).reshape(-1) for axis, key in keys.items() if key is not None}
+Columns = dict[str, Column]
+"""x, y, t and p."""
 
 
 def columns_of_array(array: np.ndarray, name: str, remarks: Remarks) -> Columns:
     """A structured array with named fields, or a table of four columns whose order is deduced from their values."""
     if array.dtype.names is not None:
-        found = named_columns({field: array[field] for field in array.dtype.names})
-        if found is None:
+        keys = column_keys(array.dtype.names)
+        if keys is None:
             raise RecordingError(
                 f"{name}: a structured array with {array.dtype.names}; wanted the fields x, y, t and p"
             )
-        return found
+        return {axis: array[key].reshape(-1) for axis, key in keys.items()}
     if array.ndim == 2 and array.shape[1] != 4 and array.shape[0] == 4:
         array = array.T
     if array.ndim != 2 or array.shape[1] != 4 or array.dtype.kind not in "iuf":
@@ -112,24 +113,29 @@ def _open_npy(request: Request) -> Opened:
 
 
 def _open_npz(request: Request) -> Opened:
+    """Only what is used is unpacked, into scratch, and stays there."""
     remarks = Remarks()
-    ZipStore(request.path, request.resources)  # refuses bombs before anything is unpacked
-    with contained(request.name, "the npz archive"), np.load(request.path, allow_pickle=False) as archive:
-        keys = archive.files
-        small = {key: archive[key] for key in keys if key in ("width", "height", "sensor", "resolution")}
-        table = {key: archive[key] for key in keys if any(key.lower() in names for names in NAMES.values())}
-        found = named_columns(table)
-        if found is None and "events" in keys:
-            found = columns_of_array(archive["events"], request.name, remarks)
-    if found is None:
-        raise RecordingError(f"{request.name}: an npz with {', '.join(keys[:8])}; wanted x, y, t and p, or events")
-    return open_columns(request, "npz columns", found, _npz_sensor(small), remarks)
+    store = ZipStore(request.path, request.resources)
+    names = [member.removesuffix(".npy") for member in request.members]
+    keys = column_keys(names)
+    with contained(request.name, "the npz archive"):
+        if keys is not None:
+            found: Columns = {axis: _mapped(store, f"{key}.npy", request).reshape(-1) for axis, key in keys.items()}
+        elif "events" in names:
+            found = columns_of_array(_mapped(store, "events.npy", request), request.name, remarks)
+        else:
+            raise RecordingError(f"{request.name}: an npz with {', '.join(names[:8])}; wanted x, y, t and p, or events")
+        declared = _npz_sensor(store, names, request.name)
+    return open_columns(request, "npz columns", found, declared, remarks)
 
 
-def _npz_sensor(small: Mapping[str, np.ndarray]) -> Sensor | None:
-    if "width" in small and "height" in small:
-        return Sensor(int(small["width"]), int(small["height"]))
-    return None
+def _npz_sensor(store: Store, names: list[str], label: str) -> Sensor | None:
+    if "width" not in names or "height" not in names:
+        return None
+    sides = [
+        np.load(io.BytesIO(read_small(store, f"{name}.npy", label)), allow_pickle=False) for name in ("width", "height")
+    ]
+    return Sensor(int(sides[0]), int(sides[1]))
 
 
 def _evreal_prefix(names: tuple[str, ...]) -> str | None:
@@ -176,6 +182,7 @@ def _evreal_frames(store: Store, prefix: str, request: Request, remarks: Remarks
         )
     if len(seconds) == 0:
         return None
+    check_size(pictures.shape[1:], f"{request.name}: images.npy")
 
     def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
         return grey(np.asarray(pictures[index]))

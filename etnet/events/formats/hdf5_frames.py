@@ -14,7 +14,7 @@ from etnet.events.cache import grey
 from etnet.events.formats.base import Remarks, contained
 from etnet.events.formats.columns import stamps_in_microseconds
 from etnet.events.formats.hdf5 import dataset, find
-from etnet.events.formats.pictures import in_order
+from etnet.events.formats.pictures import check_size, in_order
 from etnet.events.recording import GroundTruth
 
 
@@ -29,6 +29,7 @@ def numbered_frames(file: h5py.File, name: str, unit: TimeUnit, remarks: Remarks
     def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
         with lock, contained(name, f"frame {index}"):
             picture = dataset(file, f"images/{images[index]}", name, ndim=None)
+            check_size(picture.shape, f"{name}: frame {index}")
             is_bgr = str(picture.attrs.get("type", "")) == "color_bgr"
             return _pixels(picture[()], is_bgr, name, index)
 
@@ -40,7 +41,9 @@ def numbered_frames(file: h5py.File, name: str, unit: TimeUnit, remarks: Remarks
         if stamp not in flow_of:
             raise RecordingError(f"{name}: no flow is stored for frame {index} at {stamp} µs")
         with lock, contained(name, f"flow {index}"):
-            flow = np.asarray(dataset(file, f"flow/{flow_of[stamp]}", name, ndim=3)[()], np.float32)
+            stored = dataset(file, f"flow/{flow_of[stamp]}", name, ndim=3)
+            check_size(stored.shape[1:], f"{name}: flow {index}")
+            flow = np.asarray(stored[()], np.float32)
         if flow.shape[0] != 2:
             raise RecordingError(f"{name}: flow {index} has the shape {flow.shape}; wanted (2, height, width)")
         # The layout stores a velocity (px/s): its loaders multiply by the time since the frame before.
@@ -59,6 +62,7 @@ def stacked_frames(file: h5py.File, path: str, name: str, remarks: Remarks) -> G
         raise RecordingError(f"{name}: {path} has the shape {pictures.shape} for {len(stamps)} stamps; they must agree")
     if len(stamps) == 0:
         return None
+    check_size(pictures.shape[1:], f"{name}: {path}")
     lock = Lock()
 
     def read_frame(index: int) -> Float32[np.ndarray, "h w"]:

@@ -13,7 +13,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.collect import Decoded
 from etnet.events.formats.columns import guessed_unit, stamps_in_microseconds
-from etnet.events.formats.hdf5 import columns, dataset, find, open_file
+from etnet.events.formats.hdf5 import columns, dataset, find, open_file, say_unread
 from etnet.events.formats.hdf5_frames import numbered_frames, stacked_frames
 from etnet.events.formats.hdf5_metavision import open_metavision
 from etnet.events.formats.paged import paged
@@ -123,6 +123,7 @@ def _open_mvsec(request: Request, file) -> Opened:
         declared = Sensor(width, height)
     elif request.assume.sensor is None:
         remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")
+    say_unread(file, f"davis/{side}/imu", "samples of motion", request.name, remarks)
     collected = paged(request, "MVSEC HDF5", len(table), read, declared, remarks)
     return Opened("MVSEC HDF5", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
 

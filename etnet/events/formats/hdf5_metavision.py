@@ -15,7 +15,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.collect import Decoded
 from etnet.events.formats.ecf import Chunk, DamagedChunk, decode_chunk
-from etnet.events.formats.hdf5 import dataset
+from etnet.events.formats.hdf5 import dataset, say_unread
 from etnet.events.formats.paged import paged
 from etnet.events.formats.prophesee import Header
 
@@ -85,6 +85,7 @@ def open_metavision(request: Request, file: h5py.File) -> Opened:
         read, kind = _reader_of(table), "Metavision HDF5"
     texts = {key: str(value) for key, value in file.attrs.items() if isinstance(value, str)}
     declared: Sensor | None = Header(texts, 0).sensor(request.name, remarks, request.assume.sensor is not None)
+    say_unread(file, "EXT_TRIGGER/events", "triggers", request.name, remarks)
     collected = paged(request, kind, len(table), read, declared, remarks)
     return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from etnet.events.assumptions import TimeUnit
-from etnet.events.formats.arrays import NAMES
 from etnet.events.formats.base import Remarks
+from etnet.events.formats.column_names import NAMES
 from etnet.events.formats.rows import Columns
 from etnet.events.formats.text_layout import Layout, judged_unit, sampled_rows
 

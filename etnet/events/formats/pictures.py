@@ -17,6 +17,9 @@ from etnet.events.formats.columns import stamps_in_microseconds
 from etnet.events.formats.store import Store, read_small
 from etnet.events.recording import GroundTruth
 
+LARGEST_SIDE = 4096
+"""Pixels of a picture's side: as many as those of a sensor that is deduced."""
+
 
 def picture_list(
     store: Store, events_member: str, label: str, remarks: Remarks, unit: TimeUnit | None
@@ -62,6 +65,13 @@ def decoded_picture(content: bytes, label: str) -> Float32[np.ndarray, "h w"]:
     if picture is None:
         raise RecordingError(f"{label}: not a picture that can be read; it may be truncated")
     return grey(picture, is_bgr=True)
+
+
+def check_size(shape: tuple[int, ...], label: str) -> None:
+    """An error for a picture (height, width, …) that is larger than any camera beside an event sensor takes."""
+    if max(shape[:2], default=0) > LARGEST_SIDE:
+        sides = " × ".join(map(str, shape))
+        raise RecordingError(f"{label} has {sides} pixels; at most {LARGEST_SIDE} a side are read: make it smaller")
 
 
 def in_order(stamps: np.ndarray, truth: GroundTruth, remarks: Remarks) -> GroundTruth:

@@ -1,0 +1,110 @@
+"""A small file takes little memory, whatever it declares or holds beside the events."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from etnet.errors import RecordingError
+from etnet.events.formats import matlab
+from etnet.events.open import Assumptions, open_recording
+from tests.events.containers import all_events, assert_same_events
+from tests.strategies import make_events
+
+SENSOR = Assumptions(width=20, height=12)
+EVENTS = make_events(200)
+FEW = 48 << 20
+"""Bytes; what is declared in these tests is many times that."""
+
+
+def columns(events=EVENTS) -> dict[str, np.ndarray]:
+    return {"x": events.x, "y": events.y, "ts": events.t, "p": events.p}
+
+
+@pytest.fixture(name="peak")
+def counted_memory():
+    tracemalloc.start()
+    yield lambda: tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+
+
+def save_v73(path, tree: dict[str, np.ndarray], empty: dict[str, int] | None = None):
+    """`empty`: columns of so many numbers that are declared and never written."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, column in tree.items():
+            file[name] = column.reshape(1, -1)
+        for name, count in (empty or {}).items():
+            file.create_dataset(name, (1, count), "f8", chunks=(1, 1 << 16), compression="gzip")
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def test_what_stands_beside_the_columns_of_a_matlab_file_is_not_loaded(tmp_path, peak):
+    tree = {f"TD/{name}": column for name, column in columns().items()}
+    path = save_v73(tmp_path / "a.mat", tree, {"other": 20_000_000, "TD/xs": 20_000_000, "TD/more": 20_000_000})
+    with open_recording(path, assume=SENSOR) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+    assert peak() < FEW
+
+
+def test_a_matlab_file_is_read_by_slice(tmp_path, peak):
+    path = save_v73(tmp_path / "a.mat", columns(make_events(3_000_000)))
+    tracemalloc.reset_peak()
+    with open_recording(path, assume=SENSOR) as recording:
+        assert recording.num_events == 3_000_000
+        assert len(recording.read(1_000_000, 1_000_100)) == 100
+    assert peak() < path.stat().st_size / 2
+
+
+def test_columns_that_a_matlab_file_only_declares_are_a_bomb(tmp_path):
+    path = save_v73(tmp_path / "a.mat", {}, dict.fromkeys(["x", "y", "ts", "p"], 10**12))
+    with pytest.raises(RecordingError, match="bomb"):
+        open_recording(path)
+
+
+def test_a_v5_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {name: np.zeros(8_000_000) for name in columns()}, do_compression=True)
+    monkeypatch.setattr(matlab, "FREE_SIZE", 1 << 20)
+    monkeypatch.setattr(matlab, "MAX_RATIO", 1)
+    with pytest.raises(RecordingError, match="memory"):
+        open_recording(path)
+
+
+def test_variables_beside_the_columns_of_a_v5_file_are_not_read(tmp_path, monkeypatch):
+    path = tmp_path / "a.mat"
+    tree = {"other": np.zeros(8_000_000), "TD": {name: column.astype(float) for name, column in columns().items()}}
+    scipy.io.savemat(path, tree)
+    monkeypatch.setattr(matlab, "FREE_SIZE", 24 << 20)
+    monkeypatch.setattr(matlab, "MAX_RATIO", 0)
+    with open_recording(path, assume=SENSOR) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+
+
+def test_of_an_npz_only_the_columns_are_unpacked(tmp_path, peak):
+    many = np.zeros(10_000_000)
+    many[::5000] = np.arange(2000)  # else it is a bomb
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, **columns(), xs=many, events_x=many, on=many)
+    del many
+    tracemalloc.reset_peak()
+    with open_recording(path, assume=SENSOR) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+    assert peak() < FEW
+
+
+def test_frames_larger_than_any_camera_has_are_refused(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for axis, column in zip(("xs", "ys", "ts", "ps"), columns().values(), strict=True):
+            file[f"events/{axis}"] = column
+        image = file.create_dataset("images/image000000000", (9000, 9000), "u1", chunks=(500, 500), compression="gzip")
+        image.attrs["timestamp"] = 0.0
+    with pytest.raises(RecordingError, match="at most 4096") as refusal:
+        open_recording(path)
+    assert "\n" not in str(refusal.value)
