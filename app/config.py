@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from etnet.cli.stated import Stated
 from etnet.errors import EtnetError
+from etnet.events.stated import Stated
 
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
 MIN_BUDGET = 64

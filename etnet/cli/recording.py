@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Literal
 
 from etnet.cli.progress import console, fraction_callback
-from etnet.cli.stated import Stated
 from etnet.events.open import open_recording
 from etnet.events.recording import Recording
+from etnet.events.stated import Stated
 from etnet.events.view import View
 from etnet.events.write import Layout, write_recording
 

@@ -19,8 +19,8 @@ from app.catalogue import (
 from app.config import ConfigError, ViewerConfig
 from app.folder import RESTS, recordings_in
 from etnet.bundled import samples
-from etnet.cli.stated import Stated
 from etnet.errors import EtnetError, WeightsError
+from etnet.events.stated import Stated
 from etnet.export.video import video_writer
 from etnet.windows import BetweenFrames, ByDensity
 from tests.real_data import real_file
