@@ -9,7 +9,7 @@ import numpy as np
 from app.present.html import empty, escape, panel
 from app.present.moment import ARRAYS, Moment
 from app.present.provenance import ModelFacts
-from app.present.timeline import curve_of
+from app.present.timeline import curve_of, plan_of
 from app.present.words import count, milliseconds, short
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _density(moment: Moment) -> float:
         counts = [moment.windows[int(index)].num_events for index in indices]
         return float(np.median(counts)) / moment.recording.sensor.num_pixels
 
-    return ARRAYS.get(("median density", moment.recording_id, moment.policy), make)
+    return ARRAYS.get(("median density", *plan_of(moment)), make)
 
 
 def _hot(found: Fitness, on_pick: str) -> str:

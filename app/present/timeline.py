@@ -40,10 +40,13 @@ class NothingCached:
 
 
 def curve_of(moment: Moment) -> RateCurve:
-    """The recording's event rate over its windows; sampled once for each plan of windows."""
-    return ARRAYS.get(
-        ("curve", moment.recording_id, moment.policy), lambda: rate_curve(moment.windows), lambda made: 4000
-    )
+    """The recording's event rate over its windows; sampled once for each plan of windows, which may grow."""
+    return ARRAYS.get(("curve", *plan_of(moment)), lambda: rate_curve(moment.windows), lambda made: 4000)
+
+
+def plan_of(moment: Moment) -> tuple[object, ...]:
+    """What tells a plan of windows from every other; that of a video gets longer while it is looked at."""
+    return moment.recording_id, moment.policy, len(moment.windows)
 
 
 def timeline_html(
@@ -107,7 +110,7 @@ def _background(moment: Moment, curve: RateCurve, num: int) -> str:
             f'<path d="{ticks}" stroke="#ffffff" stroke-width="1" vector-effect="non-scaling-stroke"/>'
         )
 
-    return ARRAYS.get(("strip", moment.recording_id, moment.policy), make, len)
+    return ARRAYS.get(("strip", *plan_of(moment)), make, len)
 
 
 def _bars(held: Cached, num: int) -> str:

@@ -59,6 +59,9 @@ class Shelf:
     def is_film(self, entry):
         return False
 
+    def can_be_stated(self, entry):
+        return False
+
     def take_in(self, entry):
         self.private[entry.id] = entry
         self.recordings[entry.id] = recording(entry.title, seed=2)

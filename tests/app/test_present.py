@@ -58,6 +58,14 @@ LOOK = present.AttentionLook((20, 30))
 TONES = present.Tones()
 
 
+def test_the_curve_of_a_plan_that_grows_grows_with_it(recording):
+    windows = plan_windows(recording, POLICY)
+    part, whole = (present.Moment("film", POLICY, 1, recording, some) for some in (windows[:3], windows))
+    assert present.curve_of(part).indices[-1] == 2
+    assert present.curve_of(whole).indices[-1] == len(windows) - 1
+    assert present.timeline_html(part) != present.timeline_html(whole)
+
+
 def test_reconstruction_shows_the_frame_and_what_may_be_claimed_of_it(ready):
     page = Checker(present.reconstruction_html(ready, tones=TONES, query=(10, 5), on_pick=PICK))
     assert page.keys == ["pixel"]
