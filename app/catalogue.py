@@ -212,7 +212,7 @@ class Catalogue:
 
     def _read(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> Recording:
         from etnet.events.open import open_recording
-        from etnet.events.view import View
+        from etnet.events.opened_as import View
 
         try:
             path, told = entry.path, ()
