@@ -234,7 +234,8 @@ class Catalogue:
             raise under_its_name(error, entry) from error
         except Exception as error:
             raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
-        recording = replace(recording, remarks=(*told, *recording.remarks)) if told else recording
+        if told:  # a simulated video lies in a scratch file, which nobody opens again
+            recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
         recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
@@ -291,7 +292,8 @@ def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
     if entry.kind != "upload":
         return recording
     remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
-    return replace(recording, name=Path(entry.title).stem, remarks=remarks)
+    path = entry.path.parent / entry.title  # by which a session file names it; it is open already
+    return replace(recording, name=Path(entry.title).stem, remarks=remarks, path=path)
 
 
 def _named(text: str, entry: Entry) -> str:
