@@ -228,6 +228,7 @@ def read_session(path: Path) -> Session:
             policy=_POLICIES[policy.pop("kind")](**policy),
             contract=Contract(**{**contract, "runtime": Runtime(**contract["runtime"])}),
             change=None if change is None else Change(int(change["at"]), parse_intervention(change["intervention"])),
+            start=int(content.pop("start")),
             frames=tuple(map(str, content.pop("frames"))),
             opened=None if opened is None else _opened_as(**opened),
             **content,

@@ -147,6 +147,14 @@ def test_an_opening_that_is_none_is_refused_in_one_line(tmp_path, opened):
         read_session(tmp_path / "s.json")
 
 
+def test_a_start_that_is_no_number_is_refused_in_one_line(tmp_path):
+    write_session(record_session(made_up_take(0, 1), BetweenFrames()), tmp_path / "s.json")
+    content = json.loads((tmp_path / "s.json").read_text())
+    (tmp_path / "s.json").write_text(json.dumps({**content, "start": "first"}))
+    with pytest.raises(EtnetError, match=r"s\.json: is not a session file"):
+        read_session(tmp_path / "s.json")
+
+
 def test_a_session_s_recording_is_found_by_the_last_part_of_its_name_alone(tmp_path):
     (tmp_path / "events.h5").touch()
     session = dataclasses.replace(record_session(made_up_take(0, 1), BetweenFrames()), recording="../../events.h5")
