@@ -25,6 +25,7 @@ from app.stated_ids import listed_id, stated_in
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
+from etnet.events.opened_as import WHOLE_VIEW
 from etnet.events.recording import Recording, Remark
 from etnet.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
@@ -196,7 +197,7 @@ class Catalogue:
 
     def is_film(self, entry: Entry) -> bool:
         """Whether an entry is a video that is simulated while it is looked at. A part of one is simulated first."""
-        is_whole = self._config.region is None and (self._config.downsample or 1) == 1
+        is_whole = self._config.view(self._config.downsample or 1) == WHOLE_VIEW
         return is_whole and entry.path is not None and entry.path.suffix.lower() in VIDEO_SUFFIXES
 
     def close(self) -> None:
@@ -212,7 +213,6 @@ class Catalogue:
 
     def _read(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> Recording:
         from etnet.events.open import open_recording
-        from etnet.events.view import View
 
         try:
             path, told = entry.path, ()
@@ -222,19 +222,20 @@ class Catalogue:
                 path, told = self._seen(path, progress)
             asked = self._config.downsample
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
-            recording = opened(view=View(self._config.region, asked or 1))
+            recording = opened(view=self._config.view(asked or 1))
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
                 whole = recording.sensor
                 recording.close()
-                recording = opened(view=View(self._config.region, factor))
+                recording = opened(view=self._config.view(factor))
                 text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError as error:
             raise under_its_name(error, entry) from error
         except Exception as error:
             raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
-        recording = replace(recording, remarks=(*told, *recording.remarks)) if told else recording
+        if told:  # a simulated video lies in a scratch file, which nobody opens again
+            recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
         recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
@@ -291,7 +292,8 @@ def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
     if entry.kind != "upload":
         return recording
     remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
-    return replace(recording, name=Path(entry.title).stem, remarks=remarks)
+    path = entry.path.parent / entry.title  # by which a session file names it; it is open already
+    return replace(recording, name=Path(entry.title).stem, remarks=remarks, path=path)
 
 
 def _named(text: str, entry: Entry) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.errors import EtnetError
+from etnet.events.opened_as import View
 from etnet.events.stated import Stated
 
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
@@ -39,7 +40,8 @@ class ViewerConfig:
     """Look inside event-camera recordings, and inside the network that turns them into images, in a browser."""
 
     file: tyro.conf.Positional[Path | None] = None
-    """A recording: a file, a folder or a zip; or a video, seen as an event sensor would. Without it a bundled one."""
+    """A recording: a file, a folder or a zip; or a video, seen as an event sensor would; or a session file (.json),
+    whose recording is shown as it was then. Without it a bundled one."""
     data: Path | None = None
     """A folder whose recordings are offered in the page."""
     model: str = "etnet-half"
@@ -64,6 +66,9 @@ class ViewerConfig:
     """Show a region of the sensor only, in pixels."""
     downsample: Literal[1, 2, 4] | None = None
     """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
+    flip: Literal["none", "horizontal", "vertical", "both"] = "none"
+    rotate: Literal[0, 90, 180, 270] = 0
+    """Degrees clockwise."""
 
     stated: Annotated[Stated, tyro.conf.arg(name="")] = field(default_factory=Stated)
     """Of FILE, and of what lies in --data."""
@@ -98,6 +103,10 @@ class ViewerConfig:
     def region(self) -> tuple[int, int, int, int] | None:
         """`roi` as numbers: x, y, width, height."""
         return None if self.roi is None else _region(self.roi)
+
+    def view(self, downsample: Literal[1, 2, 4]) -> View:
+        """Which part of a recording is seen, and how."""
+        return View(self.region, downsample, self.flip, self.rotate)
 
     @property
     def is_open(self) -> bool:

@@ -39,6 +39,14 @@ class Change:
         """Whether the network runs as it is."""
         return self.intervention == ORIGINAL and self.edit.changes_nothing
 
+    @property
+    def run_from(self) -> int | None:
+        """The window from which one run under `intervention` gives these frames; `None` where nothing is changed, or
+        no such run does: one has the events as they are, and carries on what it does to its memory."""
+        if self.is_nothing or not self.edit.changes_nothing:
+            return None
+        return 0 if self.since is None and not self.intervention.changes_memory else self.since
+
     def at(self, index: int) -> Change:
         """What of it holds at a window, in the simplest terms: equal frames have equal changes."""
         is_ahead = self.since is not None and index < self.since

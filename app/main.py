@@ -14,6 +14,8 @@ import tyro
 
 from app.catalogue import Catalogue
 from app.config import ViewerConfig
+from app.taken_session import config_of, session_in, view_of
+from app.view_state import ViewState
 from etnet.errors import EtnetError
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
     from app.panels.base import Page
     from app.session import Session
+    from etnet.export.session_file import Session as TakenSession
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,25 +52,20 @@ class Viewer:
     def __init__(self, config: ViewerConfig) -> None:
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app import upload_door
-        from app.attract import MOST_VISITORS, public_view
+        from app.attract import MOST_VISITORS
         from app.engine import Engine
         from app.own_catalogue import OwnCatalogue
         from app.server import Address, free_port, start_server
         from app.session import Session
         from app.uploads import UploadLimits, Uploads
-        from app.view_state import ViewState
 
         # A visitor who leaves while his page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
+        session = session_in(config)
+        if session is not None:
+            config = config_of(session, config)
         self.catalogue = Catalogue(config)
-        entries, models = self.catalogue.entries(), self.catalogue.models()
-        default = ViewState(
-            recording_id=entries[0].id if entries else "",
-            model_id=models[0].id if models else "",
-            precision=config.precision,
-        )
-        if config.demo:
-            default = public_view(default)
+        default = self._first_view(config, session)
         address = Address(config.host, config.port, config.token, config.public_url)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
@@ -100,7 +98,7 @@ class Viewer:
             {} if self.uploads is None else {upload_door.PATH: upload_door.UploadDoor(self.uploads)},
         )
         self.port = self.server.get_port()
-        if models:
+        if default.model_id:
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
 
     @property
@@ -129,6 +127,20 @@ class Viewer:
         if self.uploads is not None:
             self.uploads.close()
         self.catalogue.close()
+
+    def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
+        """What a new page shows: the first recording by the first network, or what a session was taken of."""
+        from app.attract import public_view
+
+        entries, models = self.catalogue.entries(), self.catalogue.models()
+        view = ViewState(
+            recording_id=entries[0].id if entries else "",
+            model_id=models[0].id if models else "",
+            precision=config.precision,
+        )
+        if session is not None:
+            view = view_of(session, view, models)
+        return public_view(view) if config.demo else view
 
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from app.inside_view import NO_CHANGE, Change
 from etnet.windows import Policy
 
 Act = Literal["none", "events", "image", "places"]
@@ -58,6 +59,8 @@ class Order:
     policy: Policy
     index: int
     query: tuple[int, int] | None = None
+    change: Change = NO_CHANGE
+    """What was done to the network on purpose; a session holds it, if a run can (`Change.run_from`)."""
 
 
 @dataclass(frozen=True, slots=True)

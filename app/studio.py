@@ -156,7 +156,7 @@ class Studio:
         self._budget_bytes = budget_bytes
         self._device = device
         self._threads = threads
-        self._load = load or _load
+        self._load = load or load_network
         self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
         self._stages: OrderedDict[tuple[object, ...], Stage] = OrderedDict()
         self._attention: OrderedDict[tuple[object, ...], Attention] = OrderedDict()
@@ -260,7 +260,8 @@ def is_exact(stage: Stage, wish: Wish) -> bool:
     return wish.is_original and contract_of(stage.playback.model) == stage.contract
 
 
-def _load(entry: ModelEntry, precision: str, device: str) -> Any:
+def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
+    """The network of an entry, ready to run."""
     from etnet.nets.own import load_own
     from etnet.nets.weights import load_model
 

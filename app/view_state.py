@@ -114,7 +114,8 @@ def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
 def _order(state: ViewState, wanted: TakeAway) -> Order | None:
     if state.policy is None:
         return None
-    return Order(wanted, state.recording_id, state.model_id, state.precision, state.policy, state.index, state.query)
+    of = state.recording_id, state.model_id, state.precision, state.policy, state.index
+    return Order(wanted, *of, state.query, state.inside.change)
 
 
 def _cut_order(state: ViewState, excerpt: Excerpt) -> CutOrder | None:

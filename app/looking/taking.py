@@ -22,8 +22,10 @@ from app.studio import Stage
 from app.view_state import ViewState
 from app.wishes import Wish
 from etnet.errors import Cancelled, EtnetError
+from etnet.nets.intervention import Intervention
 
 if TYPE_CHECKING:
+    from etnet.events.recording import Recording
     from etnet.export.take import Progress, Take
     from etnet.playback.playback import Playback
 
@@ -96,7 +98,7 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
     from etnet.export.arrays import ArrayName, ArraysChoice, write_arrays
     from etnet.export.page import PageConfig, write_page
     from etnet.export.pictures import Look, card_gamma, draw
-    from etnet.export.session_file import record_session, write_session
+    from etnet.export.session_file import Change, record_session, write_session
     from etnet.export.table import write_table
     from etnet.export.video import write_gif, write_video
 
@@ -123,7 +125,21 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             page = PageConfig(title=take.recording.name, gamma=gamma)
             write_page(take, order.policy, path, page, (), progress, is_cancelled)
         case "session":
-            write_session(record_session(take, order.policy, progress=progress, is_cancelled=is_cancelled), path)
+            _refuse_what_passes(take.recording)
+            at = order.change.run_from
+            change = None if at is None or at >= take.stop else Change(at, order.change.intervention)
+            write_session(record_session(take, order.policy, change, None, progress, is_cancelled), path)
+
+
+def _refuse_what_passes(recording: Recording) -> None:
+    """Nobody could open it again as it is now."""
+    if recording.growth is not None:
+        raise EtnetError(f"{recording.name}: only a part of it is indexed by now; take its session when all of it is")
+    if recording.path is not None and recording.opened_as is None:
+        raise EtnetError(
+            f"{recording.name}: a simulated video is gone with its page; cut its events out first, download them, and "
+            "take a session of that file"
+        )
 
 
 def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Writer) -> None:
@@ -157,6 +173,11 @@ class _Relay:
         if isinstance(answer, BaseException):
             raise answer
         return answer
+
+    def branch(self, at: int, intervention: Intervention) -> _Relay:
+        """Itself, with a change in the steps from window `at` on. Called by the writer before it asks for any."""
+        self._playback = self._playback.branch(at, intervention)
+        return self
 
     def serve(self, cancelled: Callable[[], bool]) -> None:
         """Make the step that is asked for, or wait a moment for one. A step that is `Cancelled` is still owed."""

@@ -112,7 +112,11 @@ def _news(page: Page, parcel: Parcel, is_made: bool) -> str:
     if page.state.show.order is not None and finding is not None:
         trouble = f'<div class="et-failed" role="alert" data-testid="taking">{escape(finding.trouble)}</div>'
         return f'<div class="et">{trouble}</div>'
-    if page.state.inside.change != Change():
+    change = page.state.inside.change
+    if parcel == "session" and change.run_from is not None:
+        words = f"It holds what is changed in the network, from window {change.run_from} on."
+        return f'<div class="et"><div class="et-note">{words}</div></div>'
+    if change != Change():
         return (
             '<div class="et"><div class="et-note">What is made is of the network and the events unchanged.</div></div>'
         )

@@ -8,9 +8,9 @@ from typing import Literal
 
 from etnet.cli.progress import console, fraction_callback
 from etnet.events.open import open_recording
+from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
 from etnet.events.stated import Stated
-from etnet.events.view import View
 from etnet.events.write import Layout, write_recording
 
 
@@ -26,15 +26,20 @@ class Opening(Stated):
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""
 
-    def view(self) -> View:
-        """Which part of it is seen, and how."""
-        return View(self.region, self.downsample, self.flip, self.rotate)
+    def opened_as(self) -> OpenedAs:
+        """What is stated of it, which part of it is seen, and how."""
+        return OpenedAs(self.assumptions(), View(self.region, self.downsample, self.flip, self.rotate))
 
 
 def open_with_progress(path: Path, opening: Opening) -> Recording:
     """Open `path`, with a bar while a format without an index is decoded."""
+    return open_as_with_progress(path, opening.opened_as())
+
+
+def open_as_with_progress(path: Path, opened: OpenedAs) -> Recording:
+    """The same, as it was opened before."""
     with fraction_callback(f"opening {path.name}") as progress:
-        return open_recording(path, assume=opening.assumptions(), view=opening.view(), progress=progress)
+        return open_recording(path, assume=opened.assumed, view=opened.view, progress=progress)
 
 
 def write_with_progress(

@@ -8,10 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from etnet.bundled import samples
 from etnet.cli.progress import console, progress_callback
-from etnet.cli.recording import Opening, open_with_progress
-from etnet.errors import RecordingError
+from etnet.cli.recording import Opening, open_as_with_progress
 
 
 @dataclass(frozen=True)
@@ -28,11 +26,12 @@ class Replay:
     """A bundled model's name, or a weights file; default: the session's."""
     device: str = "cpu"
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
+    """If anything of it is given, it holds instead of what the session says of how its recording was opened."""
 
 
 def run(config: Replay) -> int:
     """Do it; returns the exit code."""
-    from etnet.export.session_file import check_session, read_session
+    from etnet.export.session_file import check_session, find_recording, read_session
     from etnet.nets.weights import load_model
 
     session = read_session(config.session)
@@ -40,8 +39,11 @@ def run(config: Replay) -> int:
     print(f"{session.recording}, model {session.model}, {session.policy}, windows {session.start} … {last}")
     if not config.check:
         return 0
-    path = config.recording or _found(session.recording, config.session.parent)
-    with open_with_progress(path, config.opening) as recording, progress_callback("replaying") as progress:
+    folders = (config.session.parent, Path())
+    path = config.recording or find_recording(session, folders, "name it with --recording")
+    is_given = config.opening != Opening()
+    opened = config.opening.opened_as() if is_given or session.opened is None else session.opened
+    with open_as_with_progress(path, opened) as recording, progress_callback("replaying") as progress:
         model = load_model(config.model or session.model, config.device)
         verdict = check_session(session, recording, model, progress)
     for difference in verdict.contract_differences:
@@ -53,15 +55,3 @@ def run(config: Replay) -> int:
     if not verdict.contract_differences:
         print("the contracts are equal: the code that made the session was another one")
     return 1
-
-
-def _found(name: str, folder: Path) -> Path:
-    """Only the name's last part counts: a session file may not point anywhere else."""
-    name = Path(name).name
-    bundled = [path for path in samples() if path.name == name]
-    for path in (folder / name, Path(name), *bundled):
-        if path.exists():
-            return path
-    raise RecordingError(
-        f"{name}: the session's recording is not beside it, here, or bundled; name it with --recording"
-    )

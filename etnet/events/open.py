@@ -14,8 +14,9 @@ from etnet.events.events import Events
 from etnet.events.formats.base import HEAD_BYTES, Opened, Request, contained
 from etnet.events.formats.store import FolderStore, ZipStore
 from etnet.events.formats.table import FORMATS, choose
+from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Bracketing, EventSource, Recording, Remark
-from etnet.events.view import WHOLE_VIEW, View, seen_through
+from etnet.events.view import seen_through
 
 __all__ = ["Assumptions", "View", "open_recording"]
 
@@ -80,6 +81,7 @@ def open_recording(
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
+        opened_as=OpenedAs(assume, view),
         growth=opened.growth,
     )
 

@@ -14,6 +14,7 @@ from jaxtyping import Float32, Int64
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.events.opened_as import OpenedAs
 
 INDEX_BLOCK = 65_536
 """Events between two stamps that `index_at` remembers."""
@@ -153,6 +154,8 @@ class Recording:
     ground_truth: GroundTruth | None = None
     path: Path | None = None
     inertial: Inertial | None = None
+    opened_as: OpenedAs | None = None
+    """How the file at `path` gives these events again; `None` where they lie in memory or were simulated."""
     growth: Growth | None = None
     """Set where these are not yet all events of the file."""
     latest: Callable[[], Recording] | None = field(default=None, repr=False)

@@ -25,6 +25,12 @@ class Stated:
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     """What the stamps count."""
 
+    @staticmethod
+    def of(assumed: Assumptions) -> Stated:
+        """What has to be stated for a reader to assume this."""
+        size = None if assumed.sensor is None else f"width={assumed.width},height={assumed.height}"
+        return Stated(size, assumed.sort, assumed.drop_outside, assumed.polarity, assumed.time_unit)
+
     def assumptions(self) -> Assumptions:
         """The same, for a reader."""
         width, height = _sensor(self.assume)

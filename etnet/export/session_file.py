@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +17,10 @@ import numpy as np
 import torch
 from torch import nn
 
+from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.events.assumptions import Assumptions
+from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
 from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Progress, Take
@@ -26,7 +29,9 @@ from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
 from etnet.playback.playback import Playback
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy, plan_windows
 
-FORMAT = "etnet-session-1"
+FORMAT = "etnet-session-2"
+OLDER_FORMAT = "etnet-session-1"
+"""Read, too: it does not say how the recording was opened."""
 READ_EVENTS = 1 << 20
 """Events hashed at a time."""
 _POLICIES: dict[str, type[Policy]] = {kind.__name__: kind for kind in (BetweenFrames, ByCount, ByDuration, ByDensity)}
@@ -56,7 +61,10 @@ class Session:
     contract: Contract
     change: Change | None = None
     seeds: Mapping[str, int] = field(default_factory=dict)
-    """What was drawn at random before the events were there (a simulator's); rendering draws nothing."""
+    """What was drawn at random before the events were there, as whoever made them says (a simulator's). Rendering draws
+    nothing, so the command line and the viewer, which render a recording that is there, leave it empty."""
+    opened: OpenedAs | None = None
+    """How the recording's file was opened; `None` where that is not known (events in memory, an older session)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +103,7 @@ def record_session(
         contract=contract_of(model),
         change=change,
         seeds=dict(seeds or {}),
+        opened=recording.opened_as,
     )
 
 
@@ -109,11 +118,7 @@ def check_session(
 
     Another recording or other weights are an error: their frames could not be compared.
     """
-    if (found := events_sha256(recording)) != session.events_sha256:
-        raise RecordingError(
-            f"{recording.name}: its events hash to {found[:12]}…, the session's to {session.events_sha256[:12]}…; "
-            "it is another recording, or seen through another --opening.view"
-        )
+    require_recording(session, recording)
     if (found := weights_sha256(model)) != session.weights_sha256:
         raise WeightsError(
             f"{model.name}: its weights hash to {found[:12]}…, the session's to {session.weights_sha256[:12]}…; "
@@ -126,6 +131,28 @@ def check_session(
     pairs = enumerate(zip(session.frames, frames, strict=True), session.start)
     differing = tuple(i for i, (there, here) in pairs if there != here)
     return Verdict(len(frames), differing, contract_differences(session.contract, contract))
+
+
+def require_recording(session: Session, recording: Recording) -> None:
+    """Raises RecordingError if these are not the session's events."""
+    if (found := events_sha256(recording)) != session.events_sha256:
+        raise RecordingError(
+            f"{recording.name}: its events hash to {found[:12]}…, the session's to {session.events_sha256[:12]}…; "
+            "it is another recording, or was opened otherwise (--region, --downsample, --sort and the like)"
+        )
+
+
+def find_recording(session: Session, folders: Sequence[Path], remedy: str) -> Path:
+    """The file of the session's name in one of the folders, or a bundled one; `remedy` ends the error if there is none.
+
+    Only the name's last part counts: a session file may not point anywhere else.
+    """
+    name = Path(session.recording).name
+    bundled = [path for path in samples() if path.name == name]
+    for path in (*(folder / name for folder in folders), *bundled):
+        if name and path.exists():
+            return path
+    raise RecordingError(f"{name}: the session's recording is not beside it, here, or bundled; {remedy}")
 
 
 def contract_differences(there: Contract, here: Contract) -> tuple[str, ...]:
@@ -191,16 +218,19 @@ def read_session(path: Path) -> Session:
     """A session from its file; a file that is none is an error that says what is wrong with it."""
     try:
         content = json.loads(path.read_bytes())
-        if content.pop("format") != FORMAT:
+        if content.pop("format") not in (FORMAT, OLDER_FORMAT):
             raise ValueError(f"its format is not {FORMAT}")
         policy = content.pop("policy")
         contract = content.pop("contract")
         change = content.pop("change")
+        opened = content.pop("opened", None)
         return Session(
             policy=_POLICIES[policy.pop("kind")](**policy),
             contract=Contract(**{**contract, "runtime": Runtime(**contract["runtime"])}),
             change=None if change is None else Change(int(change["at"]), parse_intervention(change["intervention"])),
+            start=int(content.pop("start")),
             frames=tuple(map(str, content.pop("frames"))),
+            opened=None if opened is None else _opened_as(**opened),
             **content,
         )
     except (ValueError, KeyError, TypeError, AttributeError) as slip:
@@ -222,6 +252,14 @@ def parse_intervention(content: Mapping[str, Any]) -> Intervention:
     except TypeError as slip:
         known = ", ".join(entry.name for entry in dataclasses.fields(Intervention))
         raise EtnetError(f"intervention is not understood ({slip}); it takes {known}") from None
+
+
+def _opened_as(assumed: Mapping[str, Any], view: Mapping[str, Any]) -> OpenedAs:
+    region = view["region"]
+    plain = {**view, "region": None if region is None else tuple(map(int, region))}
+    if plain["region"] is not None and len(plain["region"]) != 4:
+        raise ValueError("its region is not x, y, width, height")
+    return OpenedAs(Assumptions(**assumed), View(**plain))
 
 
 def _frame_hashes(

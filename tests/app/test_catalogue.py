@@ -13,13 +13,17 @@ import pytest
 from app.catalogue import (
     Catalogue,
     CatalogueError,
+    Entry,
     runnable_downsample,
     suited_policy,
 )
 from app.config import ConfigError, ViewerConfig
 from app.folder import RESTS, recordings_in
+from app.stated_ids import stated_id
 from etnet.bundled import samples
 from etnet.errors import EtnetError, WeightsError
+from etnet.events.assumptions import Assumptions
+from etnet.events.opened_as import OpenedAs, View
 from etnet.events.stated import Stated
 from etnet.export.video import video_writer
 from etnet.windows import BetweenFrames, ByDensity
@@ -342,3 +346,19 @@ def test_weights_are_known_by_the_mark_that_the_library_writes():
     from etnet.nets.weights import FORMAT
 
     assert WEIGHTS_FORMAT == FORMAT
+
+
+def test_a_recording_says_how_it_was_opened_by_whoever_wished_it(folder):
+    config = ViewerConfig(file=folder / "inside" / "good.txt", roi="1,2,16,12", downsample=2, stated=Stated(sort=True))
+    catalogue = Catalogue(config)
+    named = catalogue.open(entry_of(catalogue, "good.txt").id)
+    assert named.opened_as == OpenedAs(Assumptions(sort=True), View((1, 2, 16, 12), 2))
+    said = Assumptions(polarity="inverted")
+    stated = catalogue.open(stated_id(entry_of(catalogue, "good.txt").id, said))
+    assert stated.opened_as == OpenedAs(said, View((1, 2, 16, 12), 2))
+
+
+def test_a_visitors_file_is_named_as_he_names_it(folder):
+    catalogue = Catalogue(ViewerConfig())
+    catalogue.take_in(Entry("upload-1", "my walk.txt", "upload", "", folder / "inside" / "good.txt"))
+    assert catalogue.open("upload-1").path.name == "my walk.txt"

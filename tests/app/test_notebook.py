@@ -11,8 +11,8 @@ from etnet.bundled import samples
 from etnet.errors import EtnetError
 from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
+from etnet.events.opened_as import View
 from etnet.events.recording import recording_of_events
-from etnet.events.view import View
 from etnet.voxel import voxel_array
 from etnet.windows import BetweenFrames, plan_windows
 from tests.app.stand_ins import Browser

@@ -4,17 +4,23 @@ import asyncio
 import json
 import threading
 import time
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from app.inside_view import Change
 from app.looking.taking import SLOT, Made, Taking, taking_studies
 from app.show_view import LeaveIt, TakeAway
 from app.studies import Finding
 from app.view_state import Limits, ViewState, reduce
 from app.wishes import Wish
 from etnet.errors import Cancelled, EtnetError
+from etnet.events.edit import EventEdit
+from etnet.events.recording import Growth
+from etnet.export import session_file
 from etnet.export.arrays import ArraysChoice, write_arrays
 from etnet.export.page import PageConfig, write_page
 from etnet.export.pictures import Look
@@ -22,6 +28,7 @@ from etnet.export.session_file import record_session, write_session
 from etnet.export.table import write_table
 from etnet.export.take import Take
 from etnet.export.video import write_gif, write_video
+from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import contract_of
 from etnet.windows import BetweenFrames
 from tests.app.stand_ins import Browser, served
@@ -94,6 +101,37 @@ def test_a_step_that_had_to_give_way_is_made_after_it_and_nothing_differs():
     turns = iter(range(10**6))
     plain, interrupted = ordered(parcel="csv"), ordered(parcel="csv")
     assert made(interrupted, cancelled=lambda: next(turns) % 3 == 0).content == made(plain).content
+
+
+REMOVED = Intervention(removed_scales=frozenset({1}))
+HELD = [
+    (Change(REMOVED), session_file.Change(0, REMOVED)),
+    (Change(REMOVED, since=2), session_file.Change(2, REMOVED)),
+    (Change(Intervention(zeroed_levels=frozenset({2})), since=1),
+     session_file.Change(1, Intervention(zeroed_levels=frozenset({2})))),
+    (Change(Intervention(zeroed_levels=frozenset({2}))), None),
+    (Change(REMOVED, EventEdit(drop=0.5), since=1), None),
+    (Change(REMOVED, since=4), None),
+    (Change(since=1), None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "held"), HELD)
+def test_a_session_holds_what_is_changed_if_a_run_can(change, held, tmp_path):
+    state = replace(STATE, inside=replace(STATE.inside, change=change))
+    order = reduce(state, TakeAway("session", 1, 3), Limits()).show.order
+    taken = made(Taking(order))
+    path = tmp_path / taken.name
+    write_session(record_session(Take(made_up_take().playback, 1, 4), BetweenFrames(), held), path)
+    assert taken.content == path.read_bytes()
+
+
+@pytest.mark.parametrize("changed", [{"path": Path("film-1.h5")}, {"growth": Growth(0.5)}])
+def test_no_session_is_made_of_what_nobody_can_open_again(changed):
+    study, at = ordered(parcel="session"), stage()
+    at.playback.recording = replace(at.playback.recording, **changed)
+    with pytest.raises(EtnetError, match=r"simulated video is gone with its page|a part of it is indexed"):
+        made(study, at)
 
 
 def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from app.main import Viewer
 from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
 from etnet.evaluation.protocol import PAPER
 from etnet.events.open import open_recording
-from etnet.events.view import View
+from etnet.events.opened_as import View
 from etnet.nets.presets import build_model
 from etnet.nets.weights import load_model, save_weights
 from etnet.reconstruction import reconstruct

@@ -6,7 +6,7 @@ import torch
 
 from etnet.bundled import samples
 from etnet.events.open import open_recording
-from etnet.events.view import View
+from etnet.events.opened_as import View
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.weights import load_model
 from etnet.voxel import voxel_grid

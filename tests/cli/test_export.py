@@ -52,6 +52,16 @@ def test_a_session_is_replayed_and_a_forged_one_is_found_out(tmp_path, weights, 
     assert "1 of 2 frames differ, the first at window 1" in capsys.readouterr().out
 
 
+def test_a_session_of_a_part_is_replayed_without_saying_so_again(tmp_path, weights, capsys):
+    out, options = tmp_path / "s.json", ["--model", str(weights)]
+    seen = ["--region", "20", "10", "160", "120", "--downsample", "2", "--rotate", "90", "--polarity", "inverted"]
+    assert main(["export", "session", SAMPLE, "-o", str(out), *options, "--range", "1:3", *seen]) == 0
+    assert main(["replay", "--check", str(out), *options]) == 0
+    assert "all 2 frames" in capsys.readouterr().out
+    assert main(["replay", "--check", str(out), *options, *seen[:-2]]) == 1
+    assert "opened otherwise" in capsys.readouterr().err.replace("\n", " ")
+
+
 def test_a_failure_is_one_line_and_exit_code_one(tmp_path, weights, capsys):
     arguments = ["export", "csv", SAMPLE, "-o", str(tmp_path / "t.csv"), "--model", str(weights), "--range", "70:80"]
     assert main(arguments) == 1

@@ -6,13 +6,16 @@ import pytest
 import torch
 
 from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.events.assumptions import Assumptions
 from etnet.events.events import Events
+from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import recording_of_events
 from etnet.export.session_file import (
     Change,
     check_session,
     contract_differences,
     events_sha256,
+    find_recording,
     parse_intervention,
     read_session,
     record_session,
@@ -112,6 +115,52 @@ def test_a_session_holds_no_path(tmp_path):
     content = json.loads((tmp_path / "s.json").read_text())
     assert content["recording"] == "events.h5"
     assert str(tmp_path) not in (tmp_path / "s.json").read_text()
+
+
+OPENED = OpenedAs(
+    Assumptions(46, 34, "us", "inverted", sort=True, drop_outside=True), View((2, 2, 40, 30), 2, "both", 90)
+)
+
+
+@pytest.mark.parametrize("opened", [None, OpenedAs(), OPENED])
+def test_a_session_says_how_its_recording_was_opened(tmp_path, opened):
+    recording = dataclasses.replace(made_up_recording(), opened_as=opened)
+    write_session(record_session(made_up_take(0, 1, recording), BetweenFrames()), tmp_path / "s.json")
+    assert read_session(tmp_path / "s.json").opened == opened
+
+
+def test_a_session_of_the_first_format_is_read_and_says_nothing_of_it(tmp_path):
+    session = record_session(made_up_take(0, 1), BetweenFrames(), CHANGE)
+    write_session(session, tmp_path / "s.json")
+    content = json.loads((tmp_path / "s.json").read_text())
+    del content["opened"]
+    (tmp_path / "s.json").write_text(json.dumps({**content, "format": "etnet-session-1"}))
+    assert read_session(tmp_path / "s.json") == session
+
+
+@pytest.mark.parametrize("opened", [{}, [], {"assumed": {}, "view": {}}, {"assumed": {}, "view": {"region": [1, 2]}}])
+def test_an_opening_that_is_none_is_refused_in_one_line(tmp_path, opened):
+    write_session(record_session(made_up_take(0, 1), BetweenFrames()), tmp_path / "s.json")
+    content = json.loads((tmp_path / "s.json").read_text())
+    (tmp_path / "s.json").write_text(json.dumps({**content, "opened": opened}))
+    with pytest.raises(EtnetError, match=r"s\.json: is not a session file"):
+        read_session(tmp_path / "s.json")
+
+
+def test_a_start_that_is_no_number_is_refused_in_one_line(tmp_path):
+    write_session(record_session(made_up_take(0, 1), BetweenFrames()), tmp_path / "s.json")
+    content = json.loads((tmp_path / "s.json").read_text())
+    (tmp_path / "s.json").write_text(json.dumps({**content, "start": "first"}))
+    with pytest.raises(EtnetError, match=r"s\.json: is not a session file"):
+        read_session(tmp_path / "s.json")
+
+
+def test_a_session_s_recording_is_found_by_the_last_part_of_its_name_alone(tmp_path):
+    (tmp_path / "events.h5").touch()
+    session = dataclasses.replace(record_session(made_up_take(0, 1), BetweenFrames()), recording="../../events.h5")
+    assert find_recording(session, (tmp_path / "elsewhere", tmp_path), "name it") == tmp_path / "events.h5"
+    with pytest.raises(RecordingError, match=r"events\.h5: .* not beside it.*; name it"):
+        find_recording(session, (), "name it")
 
 
 def test_an_unknown_intervention_names_the_known_ones():
