@@ -56,7 +56,8 @@ class SceneLegend:
         """Also the mark by which the theme knows the workspace."""
         mark = f'<i data-etv-workspace="{page.state.workspace}" data-etv-moment="{page.link}"></i>'
         if page.state.show.is_demo:
-            mark += f"<i data-etv-public></i>{caption_html(page.state.show.act)}"
+            act = page.state.show.act
+            mark += f'<i data-etv-public="{act}"></i>{caption_html(act)}'
         if page.state.workspace == "attention":
             self._legend.show(mark + _over_scene(_map_words(page) + _link_words(page)))
             return
