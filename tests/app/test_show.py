@@ -288,3 +288,16 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
         await browser.until(lambda: placings() > before)
 
     run(story, view=public_view, aspect=aspect)
+
+
+def test_on_a_phone_in_public_a_visitor_is_invited_and_chooses_a_recording():
+    async def story(viewer, browser):
+        await browser.until_shown("Touch anything")
+        await browser.use(browser.widget("channel"), "touch|1")
+        await browser.until_shown("It is yours")
+        assert "Look inside the network" not in browser.html()
+        assert 'data-k="open:b"' in browser.html()
+        await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
+        await browser.until(lambda: newest(viewer).recording_id == "b")
+
+    run(story, view=public_view, aspect=0.5)
