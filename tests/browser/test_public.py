@@ -55,3 +55,41 @@ def test_visers_remark_on_slow_drawing_goes_by_itself(browser, viewer, demo):
     page.get_by_text(remark).wait_for(state="detached", timeout=5000)
     assert page.get_by_test_id("invitation").is_visible()
     page.context.close()
+
+
+def test_on_a_phone_the_demo_invites_hands_over_and_shows_around(browser, demo, stays):
+    phone = open_page(browser, demo.url, 390, 844)
+    phone.get_by_test_id("invitation").wait_for()
+    phone.touchscreen.tap(200, 150)
+    phone.get_by_test_id("yours").wait_for()
+    phone.get_by_role("button", name="rolling").tap()
+    phone.locator(".etv-chosen").get_by_text("rolling").wait_for()
+    phone.locator(".etv-help-button").tap()
+    phone.get_by_text("Show me around").tap()
+    steps_in_sight(phone)
+    stays()
+    phone.get_by_test_id("invitation").wait_for()
+    assert phone.errors == []
+    phone.context.close()
+
+
+def test_in_public_the_tour_passes_over_what_is_not_in_sight(browser, demo, stays):
+    page = open_page(browser, demo.url, 1600, 900)
+    page.get_by_test_id("invitation").wait_for()
+    page.keyboard.type("?")
+    page.get_by_text("Show me around").click()
+    steps_in_sight(page)
+    page.context.close()
+
+
+def steps_in_sight(page):
+    """Go through the tour; each of its steps, fewer than five, must point at something."""
+    tour = page.get_by_test_id("tour")
+    tour.get_by_text("1 of").wait_for()
+    number = int(tour.locator("h3").inner_text().split()[2])
+    assert 2 <= number < 5
+    for step in range(1, number + 1):
+        tour.get_by_text(f"{step} of {number}").wait_for()
+        assert page.locator(".etv-tour-frame").is_visible()
+        tour.locator("[data-go=next]").click()
+    tour.wait_for(state="detached")
