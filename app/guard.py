@@ -84,7 +84,9 @@ class Guard:
         rest = urlencode({name: value for name, value in query.items() if name != "token"})
         # One leading slash only: "//elsewhere" would send the visitor to another host.
         location = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
-        cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+        # Lax and not Strict: a link to a moment that stands on another site must open. All that another site can have
+        # from it is a whole page to look at; what acts is the websocket, and `_is_own_page` refuses it to other pages.
+        cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Lax; Path=/"
         return _answer(302, "", {"Location": location, "Set-Cookie": cookie})
 
     def _static_file(self, path: str) -> Response:

@@ -170,7 +170,7 @@ def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool)
 
 def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
     gui = client.gui
-    legend, reconstruction, transport = SceneLegend(), Reconstruction(), Transport()
+    legend, reconstruction, transport = SceneLegend(is_phone=True), Reconstruction(), Transport()
     for panel in (legend, reconstruction, transport):
         panel.build(gui, dispatch)
     folded: tuple[tuple[str, Panel], ...] = (

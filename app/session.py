@@ -99,7 +99,7 @@ class Session:
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public, ticket)
         self._arrange()
-        self._stage = Stage(client, self._mail.put, self._layout.is_phone)
+        self._stage = Stage(client, self._speak, self._layout.is_phone)
         self._watch_canvas()
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
@@ -218,7 +218,9 @@ class Session:
             return
         if self._desk is not None:
             self._desk.clear()  # whoever brought it has gone
-        self._state, intents = stretch
+        before, (self._state, intents) = self._state, stretch
+        if self._state is not before:
+            self._stage.put_back()  # somebody else turned it, and the preset may be the same
         self._arrange()
         for intent in intents:
             self._reduce(intent)
@@ -364,7 +366,7 @@ class Session:
         async def _(camera: viser.CameraHandle) -> None:
             nonlocal seen
             aspect = round(camera.aspect, 2)
-            if aspect != seen:
+            if aspect != seen and self._showing.hears():
                 seen = aspect
                 self._mail.put(CanvasChanged())
 

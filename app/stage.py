@@ -60,6 +60,10 @@ class Stage:
         self.place(space, state.camera)
         return cloud
 
+    def put_back(self) -> None:
+        """Whatever a hand did to the camera: with the next moment it stands where its preset wants it."""
+        self._placed = None
+
     def place(self, space: Space, camera: ask.Camera, again: bool = False) -> None:
         """Put the camera to its preset if preset, sensor or canvas changed, or if it is asked for `again`."""
         aspect = round(self._client.camera.aspect, 2)

@@ -9,7 +9,7 @@ import viser
 from app.channel import ON_PICK
 from app.panels.base import Dispatch, Html, Page
 from app.panels.pictures import reconstruction
-from app.panels.public import caption_html
+from app.panels.public import caption_html, compact_html
 from app.present import camera_frame_html, event_image_html, provenance_html, site_words
 from app.present.attention import sites_behind
 from app.present.attention_maps import Site
@@ -41,7 +41,13 @@ class Provenance:
 
 
 class SceneLegend:
-    """What the two hues mean, how many of the events are drawn, which workspace the page is in."""
+    """What the two hues mean, how many of the events are drawn, which workspace the page is in.
+
+    On a phone, where nothing else stands above the scene, also the way to the help, and the demo's own controls.
+    """
+
+    def __init__(self, is_phone: bool = False) -> None:
+        self._is_phone = is_phone
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """It is placed over the scene by the theme."""
@@ -55,8 +61,11 @@ class SceneLegend:
     def show(self, page: Page) -> None:
         """Also the mark by which the theme knows the workspace."""
         mark = f'<i data-etv-workspace="{page.state.workspace}" data-etv-moment="{page.link}"></i>'
+        if self._is_phone:
+            mark += _HELP
         if page.state.show.is_demo:
-            mark += f"<i data-etv-public></i>{caption_html(page.state.show.act)}"
+            act = page.state.show.act
+            mark += f'<i data-etv-public="{act}"></i>{compact_html(page) if self._is_phone else caption_html(act)}'
         if page.state.workspace == "attention":
             self._legend.show(mark + _over_scene(_map_words(page) + _link_words(page)))
             return

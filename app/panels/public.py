@@ -31,6 +31,7 @@ SAYINGS: dict[Act, tuple[str, str]] = {
 """What stands above each picture, and what is said while the demo points at it."""
 _CAMERA = ("Ordinary camera, to compare", "Touch a picture to see which places the network compares that spot with.")
 _YOURS = "It is yours. Drag the strip below, or touch a picture."
+_INSIDE = f'<button class="etv-big" data-k="workspace:attention" {ON_PICK}>Look inside the network</button>'
 
 
 class PublicDemo:
@@ -67,6 +68,11 @@ def caption_html(act: Act) -> str:
     return f'<div class="etv-caption" data-testid="caption"><b>{title}</b><span>{words}</span></div>'
 
 
+def compact_html(page: Page) -> str:
+    """The demo on a phone: what is said of the picture on show and the invitation, or what there is to choose from."""
+    return f'<div class="etv-compact">{caption_html(page.state.show.act)}{_bar(page, ways_inside="")}</div>'
+
+
 def _third(page: Page) -> str:
     """The ordinary camera until somebody asks where the network looks, then what it reads from there."""
     act = page.state.show.act
@@ -88,7 +94,7 @@ def _figure(name: Act, act: Act, content: str) -> str:
     return f"<figure{mark}><h2>{title}</h2>{content}<figcaption>{saying}</figcaption></figure>"
 
 
-def _bar(page: Page) -> str:
+def _bar(page: Page, ways_inside: str = _INSIDE) -> str:
     """Who leads, the recordings to choose from, and the way inside."""
     if page.state.show.act != "none":
         return '<div class="etv-bar" data-testid="invitation"><b>Touch anything to try it yourself</b></div>'
@@ -97,9 +103,8 @@ def _bar(page: Page) -> str:
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'
         for choice in page.recordings
     )
-    inside = f'<button class="etv-big" data-k="workspace:attention" {ON_PICK}>Look inside the network</button>'
     own = "" if page.desk is None else public_handing_html(page.desk)
     return (
         f'<div class="etv-bar" data-testid="yours"><span>{_YOURS}</span>'
-        f'<span class="etv-choices">{recordings}{inside}{own}</span></div>'
+        f'<span class="etv-choices">{recordings}{ways_inside}{own}</span></div>'
     )

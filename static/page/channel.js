@@ -50,7 +50,7 @@
   // In public the show lets go of the page at the first touch, wherever it is.
   let touched = 0;
   const touch = (event) => {
-    if (event.timeStamp - touched < 500 || !document.querySelector("[data-etv-public]")) return;
+    if (!event.isTrusted || event.timeStamp - touched < 500 || !document.querySelector("[data-etv-public]")) return;
     touched = event.timeStamp;
     say("touch");
   };
@@ -127,7 +127,7 @@
   place();
   window.etnetHello();
   follow();
-  for (const name of ["tour", "upload"]) {
+  for (const name of ["tour", "upload", "tidy"]) {
     const script = document.createElement("script");
     script.src = `/static/${name}.js`;
     document.head.append(script);

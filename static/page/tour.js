@@ -1,12 +1,12 @@
-// The guided tour: five steps that point at parts of the page. It is offered once to a browser, and can be left at any
-// step; it knows the page only by what stands in it, and asks nothing of the server.
+// The guided tour: steps that point at parts of the page. It is offered once to a browser, and can be left at any step;
+// it knows the page only by what stands in it, and asks nothing of the server.
 (() => {
   const STEPS = [
-    [".et-events, [data-testid=events]", "1 of 5 · The sensor", "This sensor takes no pictures. Each pixel reports an <b>event</b> when it became brighter (orange) or darker (blue). A <b>window</b> is the events that make one image."],
-    ["[data-testid=voxels]", "2 of 5 · What the network is given", "The window, cut into five <b>time bins</b> (a voxel grid): in each, brighter counts up and darker counts down."],
-    ["[data-testid=reconstruction]", "3 of 5 · What it makes of them", "The <b>reconstruction</b> comes from events alone. The network carries a <b>state</b> from window to window: its memory. Green <b>exact</b> means: the same, bit for bit, as a run from the start."],
-    ["[data-testid=attention]", "4 of 5 · Where it looks", "Click a pixel of any picture. Each map shows which places (<b>tokens</b>, 8 × 8 pixels) the network read to redraw that spot; each <b>head</b> is one of several such glances, and <b>cross-attention</b> reads a coarser picture."],
-    ["[data-testid=timeline], [data-testid=strip]", "5 of 5 · Time", "Drag here, or press <kbd>space</kbd> to play and <kbd>J</kbd> <kbd>L</kbd> for one window back or on. <kbd>C</kbd> copies a link to the moment, <kbd>?</kbd> explains every word."],
+    [".et-events, [data-testid=events]", "The sensor", "This sensor takes no pictures. Each pixel reports an <b>event</b> when it became brighter (orange) or darker (blue). A <b>window</b> is the events that make one image."],
+    ["[data-testid=voxels]", "What the network is given", "The window, cut into five <b>time bins</b> (a voxel grid): in each, brighter counts up and darker counts down."],
+    ["[data-testid=reconstruction]", "What it makes of them", "The <b>reconstruction</b> comes from events alone. The network carries a <b>state</b> from window to window: its memory. Green <b>exact</b> means: the same, bit for bit, as a run from the start."],
+    ["[data-testid=attention]", "Where it looks", "Click a pixel of any picture. Each map shows which places (<b>tokens</b>, 8 × 8 pixels) the network read to redraw that spot; each <b>head</b> is one of several such glances, and <b>cross-attention</b> reads a coarser picture."],
+    ["[data-testid=timeline], [data-testid=strip]", "Time", "Drag here, or press <kbd>space</kbd> to play and <kbd>J</kbd> <kbd>L</kbd> for one window back or on. <kbd>C</kbd> copies a link to the moment, <kbd>?</kbd> explains every word."],
   ];
   const KEY = "etnet-tour";
   const remembered = () => {
@@ -24,10 +24,12 @@
     }
   };
 
+  let steps = []; // those whose part is in sight: in public and on a phone not all are
   let step = -1;
   let card = null;
-  const target = () =>
-    [...document.querySelectorAll(STEPS[step][0])].find((element) => element.checkVisibility() && element.getBoundingClientRect().height > 0);
+  const seen = (parts) =>
+    [...document.querySelectorAll(parts)].find((element) => element.checkVisibility() && element.getBoundingClientRect().height > 0);
+  const target = () => seen(steps[step][0]);
   const place = () => {
     if (!card) return;
     const frame = card.previousSibling;
@@ -53,7 +55,7 @@
     remember();
   };
   const show = (number) => {
-    if (number >= STEPS.length) return leave();
+    if (number >= steps.length) return leave();
     step = Math.max(number, 0);
     if (!card) {
       const layer = document.createElement("div");
@@ -68,12 +70,16 @@
         if (go === "leave") leave();
       });
     }
-    const [, title, words] = STEPS[step];
-    const next = step === STEPS.length - 1 ? "Done" : "Next";
-    card.innerHTML = `<h3>${title}</h3><p>${words}</p><div><button data-go="leave">Leave the tour</button>${step ? '<button data-go="back">Back</button>' : ""}<button data-go="next" class="etv-tour-next">${next}</button></div>`;
+    const [, title, words] = steps[step];
+    const next = step === steps.length - 1 ? "Done" : "Next";
+    card.innerHTML = `<h3>${step + 1} of ${steps.length} · ${title}</h3><p>${words}</p><div><button data-go="leave">Leave the tour</button>${step ? '<button data-go="back">Back</button>' : ""}<button data-go="next" class="etv-tour-next">${next}</button></div>`;
     card.querySelector(".etv-tour-next").focus({ preventScroll: true });
     target()?.scrollIntoView({ block: "nearest" });
     place();
+  };
+  const begin = () => {
+    steps = STEPS.filter(([parts]) => seen(parts));
+    show(0);
   };
   document.addEventListener("keydown", (event) => {
     if (card && event.key === "Escape") leave();
@@ -84,7 +90,7 @@
     // The help that it was asked from would lie over what is pointed at.
     const buttons = [...(asked.closest("[role=dialog]")?.querySelectorAll("button") ?? [])];
     buttons.find((button) => button.innerText.trim() === "Close")?.click();
-    show(0);
+    begin();
   });
   window.addEventListener("resize", place);
   setInterval(place, 500); // parts move when pictures come
@@ -94,7 +100,7 @@
     if (remembered() || innerWidth < 900) return;
     if (document.querySelector("[data-etv-public]")) return;
     if (!document.querySelector("[data-testid=reconstruction] img")) return void setTimeout(offer, 500);
-    show(0);
+    begin();
   };
   setTimeout(offer, 1500);
 })();

@@ -249,6 +249,10 @@ class Browser:
     async def use(self, uuid, value):
         await self._send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
+    async def turn(self, aspect, position):
+        """A hand moves the camera."""
+        await self._send(_camera(aspect, position))
+
     def widget(self, label):
         return next(uuid for uuid, props in self.widgets.items() if props.get("label") == label)
 
@@ -265,9 +269,9 @@ class Browser:
         await self.until(lambda: text in self.html(), patience)
 
 
-def _camera(aspect):
+def _camera(aspect, position=(0, 0, -5)):
     return {
-        "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, -5], "fov": 1.0, "near": 0.01,
+        "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": list(position), "fov": 1.0, "near": 0.01,
         "far": 100.0, "image_height": 900, "image_width": int(900 * aspect), "look_at": [0, 0, 0],
         "up_direction": [0, -1, 0],
     }  # fmt: skip

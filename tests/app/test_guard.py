@@ -48,7 +48,7 @@ def test_the_token_in_the_address_becomes_a_cookie_and_leaves_the_address(port):
     assert status == 302
     assert headers["Location"] == "/?darkMode=1"
     assert "HttpOnly" in headers["Set-Cookie"]
-    assert "SameSite=Strict" in headers["Set-Cookie"]
+    assert "SameSite=Lax" in headers["Set-Cookie"]
     assert ask(port, "/", **KNOWN)[0] == 200
 
 

@@ -165,10 +165,10 @@ def test_no_word_of_a_stranger_breaks_a_page(value):
 # ---- visits ----
 
 
-def run(story, **options):
+def run(story, aspect=1.6, **options):
     async def visit():
         with served(**options) as viewer:
-            async with Browser.open(viewer.port, tab=9) as browser:
+            async with Browser.open(viewer.port, tab=9, aspect=aspect) as browser:
                 await story(viewer, browser)
 
     asyncio.run(visit())
@@ -267,3 +267,37 @@ def test_one_visitor_too_many_is_told_and_gets_no_session():
         assert len(viewer.sessions) == 1
 
     run(story, view=public_view, most_visitors=1)
+
+
+@pytest.mark.parametrize("aspect", [1.6, 0.5])
+def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(monkeypatch, aspect):
+    monkeypatch.setattr(attract, "IDLE", 1e9)
+
+    async def story(viewer, browser):
+        placings = lambda: sum(kind == "SetCameraPositionMessage" for _, kind, _ in browser.arrivals)  # noqa: E731
+        await browser.until_shown("Reconstruction of window")
+        await browser.use(browser.widget("channel"), "touch|1")
+        await browser.until(lambda: 'data-etv-public="none"' in browser.html())
+        await browser.until(lambda: placings() > 0)
+        before = placings()
+        await browser.turn(aspect, (3, 1, -4))
+        await asyncio.sleep(0.5)
+        assert placings() == before, "while he looks, the camera is his"
+        monkeypatch.setattr(attract, "IDLE", 0.5)
+        await browser.until(lambda: 'data-etv-public="events"' in browser.html())
+        await browser.until(lambda: placings() > before)
+
+    run(story, view=public_view, aspect=aspect)
+
+
+def test_on_a_phone_in_public_a_visitor_is_invited_and_chooses_a_recording():
+    async def story(viewer, browser):
+        await browser.until_shown("Touch anything")
+        await browser.use(browser.widget("channel"), "touch|1")
+        await browser.until_shown("It is yours")
+        assert "Look inside the network" not in browser.html()
+        assert 'data-k="open:b"' in browser.html()
+        await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
+        await browser.until(lambda: newest(viewer).recording_id == "b")
+
+    run(story, view=public_view, aspect=0.5)
