@@ -44,7 +44,12 @@ class LeaveIt:
     """What is being made is not wanted any more, or it has been handed over."""
 
 
-ShowIntent = PointAt | TakeAway | LeaveIt
+@dataclass(frozen=True, slots=True)
+class FillIn:
+    """The form of what is to be made has changed. It is kept by its widgets; the page is drawn anew around them."""
+
+
+ShowIntent = PointAt | TakeAway | LeaveIt | FillIn
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,5 +81,7 @@ def reduce_show(show: ShowView, intent: ShowIntent, about: Callable[[TakeAway], 
             return show if show.is_demo else replace(show, order=about(intent))
         case LeaveIt():
             return replace(show, order=None)
+        case FillIn():
+            return show
         case PointAt(act):
             return replace(show, act=act) if show.is_demo else show

@@ -9,9 +9,9 @@ import viser
 
 from app.inside_view import Change
 from app.looking.taking import SLOT
-from app.panels.base import Dispatch, Html, Page, assign, on_press, seconds_since_touched
+from app.panels.base import Dispatch, Html, Page, assign, on_press, on_visitor, seconds_since_touched
 from app.panels.transport import EVERY_FRAME, SPEEDS
-from app.show_view import LeaveIt, Panels, Parcel, TakeAway
+from app.show_view import FillIn, LeaveIt, Panels, Parcel, TakeAway
 
 PARCELS: dict[str, Parcel] = {
     "Video (MP4)": "mp4",
@@ -53,6 +53,9 @@ class TakeAwayPanel:
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._news = Html(gui)
         on_press(self._cancel, LeaveIt(), dispatch)
+        shaping = (self._parcel, self._panels, self._speed, self._has_stamps)
+        for handle in (*shaping, self._takes_range, self._first, self._last):
+            on_visitor(handle, lambda _: FillIn(), dispatch)
 
         @self._make.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:

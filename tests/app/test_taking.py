@@ -163,6 +163,19 @@ def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
     visit(story)
 
 
+def test_the_form_follows_its_own_choices_while_the_page_rests():
+    async def story(viewer, browser):
+        is_shown = lambda label: browser.widgets[browser.widget(label)]["visible"]  # noqa: E731
+        await asyncio.sleep(1.0)  # the page has come to rest: nothing but the form makes it draw
+        await browser.use(browser.widget("A range only"), True)
+        await browser.until(lambda: is_shown("From window") and is_shown("To window"), patience=2.0)
+        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
+        await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
+        await browser.until_shown("etnet export csv", patience=2.0)
+
+    visit(story)
+
+
 def test_a_kept_view_holds_no_order():
     from app.memory import to_text
 
