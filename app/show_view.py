@@ -21,6 +21,8 @@ class PointAt:
 
 Parcel = Literal["mp4", "gif", "png", "npz", "h5", "csv", "page", "session"]
 """What can be taken away."""
+ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
+"""Those of `etnet.export.arrays`, which needs torch."""
 Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
 
 
@@ -37,6 +39,13 @@ class TakeAway:
     panels: Panels = ("reconstruction",)
     speed: float = 0.1
     has_stamps: bool = False
+    arrays: tuple[ArrayName, ...] = ("frames", "voxels", "attention")
+    """Attention is that of the chosen pixel, and left out while there is none."""
+
+
+def arrays_of(wanted: TakeAway, query: tuple[int, int] | None) -> tuple[ArrayName, ...]:
+    """The arrays that can be written with this pixel, or none, chosen."""
+    return tuple(name for name in wanted.arrays if name != "attention" or query is not None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, cast
 
 from app.looking.writer import Writer
-from app.show_view import Order, Parcel
+from app.show_view import Order, Parcel, arrays_of
 from app.studies import KEPT_BYTES, Study
 from app.studio import Stage
 from app.view_state import ViewState
@@ -64,7 +64,7 @@ class Taking:
         take = _take_of(self.order, stage)
         relay = cast(Any, take.playback)
         with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
-            name = f"{plain_name(take.recording.name)}.{ENDINGS[self.order.wanted.parcel]}"
+            name = file_name(take.recording.name, self.order.wanted.parcel)
             path = Path(folder) / name
             work = partial(_write, self.order, take, path, stage.contract.threads)
             writer = Writer(work, "taking away", relay.give_up)
@@ -93,7 +93,7 @@ def taking_studies(state: ViewState, wish: Wish) -> Mapping[str, Study]:
 
 def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
     """Write one file with the command line's own writer and its defaults."""
-    from etnet.export.arrays import ArrayName, ArraysChoice, write_arrays
+    from etnet.export.arrays import ArraysChoice, write_arrays
     from etnet.export.page import PageConfig, write_page
     from etnet.export.pictures import Look, card_gamma, draw
     from etnet.export.session_file import record_session, write_session
@@ -113,10 +113,8 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             moment = next(take.moments(progress=progress, is_cancelled=is_cancelled))
             write_png(path, draw(moment, look, len(take.playback)))
         case "npz" | "h5":
-            names: tuple[ArrayName, ...] = ("frames", "voxels") if order.query is None else (
-                "frames", "voxels", "attention")  # fmt: skip
             queries = () if order.query is None else (order.query,)
-            write_arrays(take, path, ArraysChoice(names, queries), progress, is_cancelled)
+            write_arrays(take, path, ArraysChoice(arrays_of(wanted, order.query), queries), progress, is_cancelled)
         case "csv":
             write_table(take, path, progress, is_cancelled)
         case "page":
@@ -196,6 +194,11 @@ def _take_of(order: Order, stage: Stage) -> Take:
             "choose a range, or use `etnet export`"
         )
     return Take(cast("Playback", _Relay(stage.playback)), first, last + 1)
+
+
+def file_name(name: str, parcel: Parcel) -> str:
+    """What a parcel of a recording is called."""
+    return f"{plain_name(name)}.{ENDINGS[parcel]}"
 
 
 def plain_name(name: str) -> str:

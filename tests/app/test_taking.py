@@ -73,10 +73,19 @@ def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):
     path = tmp_path / taken.name
     path.write_bytes(taken.content)
     with np.load(path) as arrays:
+        assert not any(name.startswith("state/") for name in arrays)
         expected = np.stack([moment.frame for moment in made_up_take().moments()])
         assert np.array_equal(arrays["frames"], expected)
         assert len(arrays["window"]) == NUM_WINDOWS
         assert any(name.startswith("attention/") for name in arrays)
+
+
+def test_arrays_hold_states_and_camera_frames_as_the_commands_do(tmp_path):
+    names = ("frames", "camera", "states")
+    taken = made(ordered(parcel="h5", arrays=names))
+    path = tmp_path / taken.name
+    write_arrays(made_up_take(), path, ArraysChoice(names, ((9, 7),)))
+    assert taken.content == path.read_bytes()
 
 
 def test_a_picture_is_of_the_window_that_was_on_show():
@@ -172,6 +181,11 @@ def test_the_form_follows_its_own_choices_while_the_page_rests():
         await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
         await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
         await browser.until_shown("etnet export csv", patience=2.0)
+        assert not is_shown("States (large)")
+        await browser.use(browser.widget("Make"), "Arrays (NPZ)")
+        await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"), patience=2.0)
+        await browser.use(browser.widget("States (large)"), True)
+        await browser.until_shown("--what frames voxels states", patience=2.0)
 
     visit(story)
 
