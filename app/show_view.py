@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from etnet.windows import Policy
+
+if TYPE_CHECKING:
+    from app.view_state import ViewState
 
 Act = Literal["none", "events", "image", "places"]
 """What the demo points at while nobody touches it."""
@@ -23,6 +26,8 @@ Parcel = Literal["mp4", "gif", "png", "npz", "h5", "csv", "page", "session"]
 """What can be taken away."""
 ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
 """Those of `etnet.export.arrays`, which needs torch."""
+Sheet = Literal["panels", "voxels", "attention", "layout"]
+"""What a picture of the moment shows: panels side by side, as in a video, or what else stands in the page."""
 Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
 
 
@@ -41,6 +46,8 @@ class TakeAway:
     has_stamps: bool = False
     arrays: tuple[ArrayName, ...] = ("frames", "voxels", "attention")
     """Attention is that of the chosen pixel, and left out while there is none."""
+    sheet: Sheet = "panels"
+    """Of a picture of one moment."""
 
 
 def arrays_of(wanted: TakeAway, query: tuple[int, int] | None) -> tuple[ArrayName, ...]:
@@ -72,6 +79,8 @@ class Order:
     policy: Policy
     index: int
     query: tuple[int, int] | None = None
+    view: ViewState | None = None
+    """How things were shown, for a sheet; `None` for all that does not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,12 +15,15 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+from jaxtyping import UInt8
+
 from app.looking.writer import Writer
 from app.show_view import Order, Parcel, arrays_of
 from app.studies import KEPT_BYTES, Study
 from app.studio import Stage
 from app.view_state import ViewState
-from app.wishes import Wish
+from app.wishes import Ready, Wish
 from etnet.errors import Cancelled, EtnetError
 
 if TYPE_CHECKING:
@@ -110,6 +113,9 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
         case "png":
             from etnet.export.images import write_png
 
+            if order.view is not None:
+                write_png(path, _sheet(order, order.view, take))
+                return
             moment = next(take.moments(progress=progress, is_cancelled=is_cancelled))
             write_png(path, draw(moment, look, len(take.playback)))
         case "npz" | "h5":
@@ -122,6 +128,25 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             write_page(take, order.policy, path, page, (), progress, is_cancelled)
         case "session":
             write_session(record_session(take, order.policy, progress=progress, is_cancelled=is_cancelled), path)
+
+
+def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 3"]:
+    """What the page shows of the moment, drawn as it draws it, of the network and the events unchanged."""
+    from app.present import AttentionLook, Moment, Tones
+    from app.present.sheet import sheet_picture
+    from etnet.nets.attention import AttentionProbe
+    from etnet.nets.runtime import contract_of
+
+    taken = next(take.moments(None if view.query is None else AttentionProbe()))
+    card = getattr(take.playback.model, "card", {})
+    is_linear_light = bool(card) and card.get("target_tone", "linear") == "linear"
+    wish = Wish(order.recording_id, order.model_id, order.precision, order.policy, order.index, view.query is not None)
+    contract = contract_of(take.playback.model)
+    ready = Ready(wish, taken.frame, taken.step.attention, 0.0, True, False, False, contract, order.index)
+    moment = Moment(order.recording_id, order.policy, order.index, take.recording, take.playback.windows)
+    network = getattr(take.playback.model, "name", order.model_id)
+    look, tones = AttentionLook.of(view, is_linear_light), Tones.of(view, is_linear_light)
+    return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.event_image)
 
 
 def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Writer) -> None:

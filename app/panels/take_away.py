@@ -12,7 +12,7 @@ from app.looking.taking import SLOT, file_name, plain_name
 from app.panels.base import Dispatch, Html, Page, assign, on_press, on_visitor, seconds_since_touched
 from app.panels.transport import EVERY_FRAME, SPEEDS
 from app.present.command import export_command
-from app.show_view import ArrayName, FillIn, LeaveIt, Panels, Parcel, TakeAway
+from app.show_view import ArrayName, FillIn, LeaveIt, Panels, Parcel, Sheet, TakeAway
 
 PARCELS: dict[str, Parcel] = {
     "Video (MP4)": "mp4",
@@ -29,7 +29,12 @@ PANELS: dict[str, Panels] = {
     "events, reconstruction": ("events", "reconstruction"),
     "events, reconstruction, camera": ("events", "reconstruction", "camera"),
 }
-MOVING, PICTURED, RANGED = ("mp4", "gif"), ("mp4", "gif", "png"), ("mp4", "gif", "page", "npz", "h5", "csv", "session")
+SHEETS: dict[str, Sheet] = {
+    "voxel bins": "voxels",
+    "attention maps of the pixel": "attention",
+    "the whole layout": "layout",
+}
+MOVING, RANGED = ("mp4", "gif"), ("mp4", "gif", "page", "npz", "h5", "csv", "session")
 NUMBERS = ("npz", "h5")
 ARRAYS: dict[ArrayName, str] = {
     "frames": "Frames",
@@ -49,6 +54,7 @@ class TakeAwayPanel:
         Html(gui, _LINK)
         self._parcel = gui.add_dropdown("Make", tuple(PARCELS))
         self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
+        self._picture = gui.add_dropdown("Picture", (*PANELS, *SHEETS), visible=False)
         self._speed = gui.add_dropdown("Speed", tuple(words for words in SPEEDS if words != EVERY_FRAME))
         self._has_stamps = gui.add_checkbox("Stamps below", True)
         usual = TakeAway("npz").arrays
@@ -62,7 +68,7 @@ class TakeAwayPanel:
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._news = Html(gui)
         on_press(self._cancel, LeaveIt(), dispatch)
-        shaping = (self._parcel, self._panels, self._speed, self._has_stamps)
+        shaping = (self._parcel, self._panels, self._picture, self._speed, self._has_stamps)
         for handle in (*shaping, *self._arrays.values(), self._takes_range, self._first, self._last):
             on_visitor(handle, lambda _: FillIn(), dispatch)
 
@@ -79,9 +85,10 @@ class TakeAwayPanel:
         finding = page.findings.get(SLOT)
         is_made = is_busy and (finding is None or not finding.trouble)
         for handle, is_shown in (
-            (self._panels, parcel in PICTURED),
+            (self._panels, parcel in MOVING),
+            (self._picture, parcel == "png"),
             (self._speed, parcel in MOVING),
-            (self._has_stamps, parcel in PICTURED),
+            (self._has_stamps, parcel in MOVING or (parcel == "png" and self._picture.value not in SHEETS)),
             *((handle, self._offers(name, parcel, page)) for name, handle in self._arrays.items()),
             (self._takes_range, parcel in RANGED),
             (self._first, takes_range),
@@ -110,13 +117,15 @@ class TakeAwayPanel:
 
     def _chosen(self) -> TakeAway | None:
         parcel = PARCELS.get(self._parcel.value)
-        panels, speed = PANELS.get(self._panels.value), SPEEDS.get(self._speed.value)
+        sheet = SHEETS.get(self._picture.value, "panels") if parcel == "png" else "panels"
+        chosen = self._picture.value if parcel == "png" and sheet == "panels" else self._panels.value
+        panels, speed = PANELS.get(chosen), SPEEDS.get(self._speed.value)
         if parcel is None or panels is None or speed is None:
             return None  # no page of ours sends another word
         takes_range = parcel in RANGED and self._takes_range.value
         first, last = (int(self._first.value), int(self._last.value)) if takes_range else (None, None)
-        arrays = tuple(name for name, handle in self._arrays.items() if handle.value)
-        return TakeAway(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value), arrays)
+        arrays: tuple[ArrayName, ...] = tuple(name for name, handle in self._arrays.items() if handle.value)
+        return TakeAway(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value), arrays, sheet)
 
 
 def _news(page: Page, is_made: bool) -> str:
@@ -145,6 +154,9 @@ def _news(page: Page, is_made: bool) -> str:
 def _told(page: Page, wanted: TakeAway) -> str:
     """The command that makes the same."""
     moment, run = page.moment, page.run
+    if wanted.sheet != "panels":
+        words = "The browser saves it. It is made of this moment as it is on show; the scene is left out."
+        return f'<div class="et"><div class="et-note">{words}</div></div>'
     if moment is None or run is None:
         words = "The browser saves it. <code>etnet export</code> opens what <code>etnet simulate --video</code> makes."
         return f'<div class="et"><div class="et-note">{words}</div></div>'

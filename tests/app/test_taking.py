@@ -6,6 +6,7 @@ import threading
 import time
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -95,6 +96,29 @@ def test_a_picture_is_of_the_window_that_was_on_show():
     assert made(other).content != a.content
 
 
+def sheet(name, **view):
+    state = ViewState(**{**_fields(STATE), **view})
+    content = made(Taking(reduce(state, TakeAway("png", sheet=name), Limits()).show.order)).content
+    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_the_whole_layout_holds_the_bins_and_the_maps_and_each_is_to_be_had_alone():
+    heights = {name: sheet(name).shape[0] for name in ("layout", "voxels", "attention")}
+    assert heights["layout"] > heights["attention"] > heights["voxels"]
+    assert {sheet(name).shape[1] for name in heights} == {1680}
+    assert sheet("layout", query=None).shape[0] < heights["layout"]
+
+
+def test_maps_are_those_of_the_head_on_show():
+    assert not np.array_equal(sheet("attention"), sheet("attention", head=0))
+    assert np.array_equal(sheet("voxels"), sheet("voxels", head=0))
+
+
+def test_maps_without_a_pixel_are_refused_with_what_to_do():
+    with pytest.raises(EtnetError, match="choose a pixel"):
+        sheet("attention", query=None)
+
+
 def _fields(state):
     return {name: getattr(state, name) for name in state.__dataclass_fields__}
 
@@ -182,6 +206,10 @@ def test_the_form_follows_its_own_choices_while_the_page_rests():
         await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
         await browser.until_shown("etnet export csv", patience=2.0)
         assert not is_shown("States (large)")
+        await browser.use(browser.widget("Make"), "Picture of this window (PNG)")
+        await browser.until(lambda: is_shown("Picture") and is_shown("Stamps below"), patience=2.0)
+        await browser.use(browser.widget("Picture"), "the whole layout")
+        await browser.until(lambda: not is_shown("Stamps below"), patience=2.0)
         await browser.use(browser.widget("Make"), "Arrays (NPZ)")
         await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"), patience=2.0)
         await browser.use(browser.widget("States (large)"), True)
