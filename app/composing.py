@@ -14,6 +14,7 @@ from app.looking.lanes import scored, slot_of
 from app.own_catalogue import OwnCatalogue
 from app.panels.base import Choice, Page
 from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.present.command import Run
 from app.present.lane import LaneShown
 from app.present.timeline import Cached
 from app.studying import Studying
@@ -55,10 +56,21 @@ class Composer:
             findings=self.studying.findings,
             lanes=self._lanes(state, moment),
             film=self.catalogue.film(state.recording_id),
+            run=self._run(state),
             can_be_stated=self.catalogue.can_be_stated(state.recording_id),
             desk=None if self.desk is None else self.desk.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not drags else "",
         )
+
+    def _run(self, state: ViewState) -> Run | None:
+        if self.catalogue.film(state.recording_id) is not None:
+            return None  # a video has to be simulated first
+        source, ready = self.catalogue.model(state.model_id).source, self.answers.ready
+        model = source if isinstance(source, str) else source.name
+        file = self.catalogue.file_name(state.recording_id)
+        if ready is None or ready.wish.playback[1:3] != (state.model_id, state.precision):
+            return Run(file, model, state.precision)
+        return Run(file, model, ready.contract.runtime.precision, ready.contract.device)
 
     def _lanes(self, state: ViewState, moment: Moment | None) -> tuple[LaneShown, ...]:
         findings = self.studying.findings

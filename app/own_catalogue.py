@@ -76,6 +76,14 @@ class OwnCatalogue:
         except CatalogueError:
             return False
 
+    def file_name(self, recording_id: str) -> str:
+        """What a recording's file is called where its owner keeps it; empty for one that is gone."""
+        try:
+            entry = self.entry(recording_id)
+        except CatalogueError:
+            return ""
+        return entry.title if entry.kind == "upload" else entry.path.name
+
     def film(self, recording_id: str) -> FilmShown | None:
         """How far a video is simulated; `None` for all that is no video."""
         return self._shared.films.shown(recording_id)

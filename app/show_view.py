@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from app.inside_view import NO_CHANGE, Change
 from etnet.windows import Policy
+
+if TYPE_CHECKING:
+    from app.view_state import ViewState
 
 Act = Literal["none", "events", "image", "places"]
 """What the demo points at while nobody touches it."""
@@ -22,6 +25,10 @@ class PointAt:
 
 Parcel = Literal["mp4", "gif", "png", "npz", "h5", "csv", "page", "session"]
 """What can be taken away."""
+ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
+"""Those of `etnet.export.arrays`, which needs torch."""
+Sheet = Literal["panels", "voxels", "attention", "layout"]
+"""What a picture of the moment shows: panels side by side, as in a video, or what else stands in the page."""
 Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
 
 
@@ -38,6 +45,15 @@ class TakeAway:
     panels: Panels = ("reconstruction",)
     speed: float = 0.1
     has_stamps: bool = False
+    arrays: tuple[ArrayName, ...] = ("frames", "voxels", "attention")
+    """Attention is that of the chosen pixel, and left out while there is none."""
+    sheet: Sheet = "panels"
+    """Of a picture of one moment."""
+
+
+def arrays_of(wanted: TakeAway, query: tuple[int, int] | None) -> tuple[ArrayName, ...]:
+    """The arrays that can be written with this pixel, or none, chosen."""
+    return tuple(name for name in wanted.arrays if name != "attention" or query is not None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +61,12 @@ class LeaveIt:
     """What is being made is not wanted any more, or it has been handed over."""
 
 
-ShowIntent = PointAt | TakeAway | LeaveIt
+@dataclass(frozen=True, slots=True)
+class FillIn:
+    """The form of what is to be made has changed. It is kept by its widgets; the page is drawn anew around them."""
+
+
+ShowIntent = PointAt | TakeAway | LeaveIt | FillIn
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +82,8 @@ class Order:
     query: tuple[int, int] | None = None
     change: Change = NO_CHANGE
     """What was done to the network on purpose; a session holds it, if a run can (`Change.run_from`)."""
+    view: ViewState | None = None
+    """How things were shown, for a sheet; `None` for all that does not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,5 +102,7 @@ def reduce_show(show: ShowView, intent: ShowIntent, about: Callable[[TakeAway], 
             return show if show.is_demo else replace(show, order=about(intent))
         case LeaveIt():
             return replace(show, order=None)
+        case FillIn():
+            return show
         case PointAt(act):
             return replace(show, act=act) if show.is_demo else show

@@ -114,8 +114,11 @@ def reduce(state: ViewState, intent: ask.Intent, limits: Limits) -> ViewState:
 def _order(state: ViewState, wanted: TakeAway) -> Order | None:
     if state.policy is None:
         return None
+    view = None
+    if wanted.parcel == "png" and wanted.sheet != "panels":
+        view = replace(state, show=ShowView(), is_playing=False)
     of = state.recording_id, state.model_id, state.precision, state.policy, state.index
-    return Order(wanted, *of, state.query, state.inside.change)
+    return Order(wanted, *of, state.query, state.inside.change, view)
 
 
 def _cut_order(state: ViewState, excerpt: Excerpt) -> CutOrder | None:

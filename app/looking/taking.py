@@ -15,12 +15,15 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+from jaxtyping import UInt8
+
 from app.looking.writer import Writer
-from app.show_view import Order, Parcel
+from app.show_view import Order, Parcel, arrays_of
 from app.studies import KEPT_BYTES, Study
 from app.studio import Stage
 from app.view_state import ViewState
-from app.wishes import Wish
+from app.wishes import Ready, Wish
 from etnet.errors import Cancelled, EtnetError
 from etnet.nets.intervention import Intervention
 
@@ -66,7 +69,7 @@ class Taking:
         take = _take_of(self.order, stage)
         relay = cast(Any, take.playback)
         with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
-            name = f"{plain_name(take.recording.name)}.{ENDINGS[self.order.wanted.parcel]}"
+            name = file_name(take.recording.name, self.order.wanted.parcel)
             path = Path(folder) / name
             work = partial(_write, self.order, take, path, stage.contract.threads)
             writer = Writer(work, "taking away", relay.give_up)
@@ -95,7 +98,7 @@ def taking_studies(state: ViewState, wish: Wish) -> Mapping[str, Study]:
 
 def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
     """Write one file with the command line's own writer and its defaults."""
-    from etnet.export.arrays import ArrayName, ArraysChoice, write_arrays
+    from etnet.export.arrays import ArraysChoice, write_arrays
     from etnet.export.page import PageConfig, write_page
     from etnet.export.pictures import Look, card_gamma, draw
     from etnet.export.session_file import Change, record_session, write_session
@@ -112,13 +115,14 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
         case "png":
             from etnet.export.images import write_png
 
+            if order.view is not None:
+                write_png(path, _sheet(order, order.view, take))
+                return
             moment = next(take.moments(progress=progress, is_cancelled=is_cancelled))
             write_png(path, draw(moment, look, len(take.playback)))
         case "npz" | "h5":
-            names: tuple[ArrayName, ...] = ("frames", "voxels") if order.query is None else (
-                "frames", "voxels", "attention")  # fmt: skip
             queries = () if order.query is None else (order.query,)
-            write_arrays(take, path, ArraysChoice(names, queries), progress, is_cancelled)
+            write_arrays(take, path, ArraysChoice(arrays_of(wanted, order.query), queries), progress, is_cancelled)
         case "csv":
             write_table(take, path, progress, is_cancelled)
         case "page":
@@ -140,6 +144,25 @@ def _refuse_what_passes(recording: Recording) -> None:
             f"{recording.name}: a simulated video is gone with its page; cut its events out first, download them, and "
             "take a session of that file"
         )
+
+
+def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 3"]:
+    """What the page shows of the moment, drawn as it draws it, of the network and the events unchanged."""
+    from app.present import AttentionLook, Moment, Tones
+    from app.present.sheet import sheet_picture
+    from etnet.nets.attention import AttentionProbe
+    from etnet.nets.runtime import contract_of
+
+    taken = next(take.moments(None if view.query is None else AttentionProbe()))
+    card = getattr(take.playback.model, "card", {})
+    is_linear_light = bool(card) and card.get("target_tone", "linear") == "linear"
+    wish = Wish(order.recording_id, order.model_id, order.precision, order.policy, order.index, view.query is not None)
+    contract = contract_of(take.playback.model)
+    ready = Ready(wish, taken.frame, taken.step.attention, 0.0, True, False, False, contract, order.index)
+    moment = Moment(order.recording_id, order.policy, order.index, take.recording, take.playback.windows)
+    network = getattr(take.playback.model, "name", order.model_id)
+    look, tones = AttentionLook.of(view, is_linear_light), Tones.of(view, is_linear_light)
+    return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.event_image)
 
 
 def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Writer) -> None:
@@ -217,6 +240,11 @@ def _take_of(order: Order, stage: Stage) -> Take:
             "choose a range, or use `etnet export`"
         )
     return Take(cast("Playback", _Relay(stage.playback)), first, last + 1)
+
+
+def file_name(name: str, parcel: Parcel) -> str:
+    """What a parcel of a recording is called."""
+    return f"{plain_name(name)}.{ENDINGS[parcel]}"
 
 
 def plain_name(name: str) -> str:

@@ -13,6 +13,7 @@ from app.desk import DeskShown
 from app.films import FilmShown
 from app.intents import Intent
 from app.present import AttentionLook, ModelFacts, Moment, Tones
+from app.present.command import Run
 from app.present.lane import LaneShown
 from app.present.timeline import Cached
 from app.studies import Finding
@@ -65,6 +66,8 @@ class Page:
     """The files that this visitor handed over; `None` where nothing is taken."""
     film: FilmShown | None = None
     """How far the video on show is simulated; `None` for what is no video."""
+    run: Run | None = None
+    """How the command line is told of what is on show; `None` for what it cannot open."""
     can_be_stated: bool = False
     """Whether the visitor may say of this recording what its file does not."""
 

@@ -8,10 +8,11 @@ from typing import Any
 import viser
 
 from app.inside_view import Change
-from app.looking.taking import SLOT
-from app.panels.base import Dispatch, Html, Page, assign, on_press, seconds_since_touched
+from app.looking.taking import SLOT, file_name, plain_name
+from app.panels.base import Dispatch, Html, Page, assign, on_press, on_visitor, seconds_since_touched
 from app.panels.transport import EVERY_FRAME, SPEEDS
-from app.show_view import LeaveIt, Panels, Parcel, TakeAway
+from app.present.command import export_command
+from app.show_view import ArrayName, FillIn, LeaveIt, Panels, Parcel, Sheet, TakeAway
 
 PARCELS: dict[str, Parcel] = {
     "Video (MP4)": "mp4",
@@ -28,11 +29,20 @@ PANELS: dict[str, Panels] = {
     "events, reconstruction": ("events", "reconstruction"),
     "events, reconstruction, camera": ("events", "reconstruction", "camera"),
 }
-MOVING, PICTURED, RANGED = ("mp4", "gif"), ("mp4", "gif", "png"), ("mp4", "gif", "page", "npz", "h5", "csv", "session")
-_COMMANDS: dict[Parcel, str] = {
-    "mp4": "video", "gif": "gif", "png": "frames", "page": "page", "npz": "arrays", "h5": "arrays", "csv": "csv",
-    "session": "session",
-}  # fmt: skip
+SHEETS: dict[str, Sheet] = {
+    "voxel bins": "voxels",
+    "attention maps of the pixel": "attention",
+    "the whole layout": "layout",
+}
+MOVING, RANGED = ("mp4", "gif"), ("mp4", "gif", "page", "npz", "h5", "csv", "session")
+NUMBERS = ("npz", "h5")
+ARRAYS: dict[ArrayName, str] = {
+    "frames": "Frames",
+    "voxels": "Voxel grids",
+    "camera": "Camera frames",
+    "attention": "Attention of the pixel",
+    "states": "States (large)",
+}
 _LINK = '<div class="et"><button class="et-back" data-etv-copy>Copy a link to this moment (C)</button></div>'
 
 
@@ -44,8 +54,13 @@ class TakeAwayPanel:
         Html(gui, _LINK)
         self._parcel = gui.add_dropdown("Make", tuple(PARCELS))
         self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
+        self._picture = gui.add_dropdown("Picture", (*PANELS, *SHEETS), visible=False)
         self._speed = gui.add_dropdown("Speed", tuple(words for words in SPEEDS if words != EVERY_FRAME))
         self._has_stamps = gui.add_checkbox("Stamps below", True)
+        usual = TakeAway("npz").arrays
+        self._arrays: dict[ArrayName, viser.GuiCheckboxHandle] = {
+            name: gui.add_checkbox(words, name in usual, visible=False) for name, words in ARRAYS.items()
+        }
         self._takes_range = gui.add_checkbox("A range only", False)
         self._first = gui.add_number("From window", 0, min=0, step=1, visible=False)
         self._last = gui.add_number("To window", 0, min=0, step=1, visible=False)
@@ -53,6 +68,9 @@ class TakeAwayPanel:
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._news = Html(gui)
         on_press(self._cancel, LeaveIt(), dispatch)
+        shaping = (self._parcel, self._panels, self._picture, self._speed, self._has_stamps)
+        for handle in (*shaping, *self._arrays.values(), self._takes_range, self._first, self._last):
+            on_visitor(handle, lambda _: FillIn(), dispatch)
 
         @self._make.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -67,9 +85,11 @@ class TakeAwayPanel:
         finding = page.findings.get(SLOT)
         is_made = is_busy and (finding is None or not finding.trouble)
         for handle, is_shown in (
-            (self._panels, parcel in PICTURED),
+            (self._panels, parcel in MOVING),
+            (self._picture, parcel == "png"),
             (self._speed, parcel in MOVING),
-            (self._has_stamps, parcel in PICTURED),
+            (self._has_stamps, parcel in MOVING or (parcel == "png" and self._picture.value not in SHEETS)),
+            *((handle, self._offers(name, parcel, page)) for name, handle in self._arrays.items()),
             (self._takes_range, parcel in RANGED),
             (self._first, takes_range),
             (self._last, takes_range),
@@ -85,19 +105,31 @@ class TakeAwayPanel:
                 assign(self._last, last)
                 if seconds_since_touched(self._first) > 0.4:
                     self._first.value = 0
-        self._news.show(_news(page, parcel, is_made))
+        wanted = self._chosen()
+        self._news.show(_news(page, is_made) or ("" if wanted is None else _told(page, wanted)))
+
+    @staticmethod
+    def _offers(name: ArrayName, parcel: Parcel, page: Page) -> bool:
+        """Whether there is such an array of what is on show."""
+        truth = None if page.moment is None else page.moment.recording.ground_truth
+        is_there = {"camera": bool(truth), "attention": page.state.query is not None}.get(name, True)
+        return parcel in NUMBERS and is_there
 
     def _chosen(self) -> TakeAway | None:
         parcel = PARCELS.get(self._parcel.value)
-        panels, speed = PANELS.get(self._panels.value), SPEEDS.get(self._speed.value)
+        sheet = SHEETS.get(self._picture.value, "panels") if parcel == "png" else "panels"
+        chosen = self._picture.value if parcel == "png" and sheet == "panels" else self._panels.value
+        panels, speed = PANELS.get(chosen), SPEEDS.get(self._speed.value)
         if parcel is None or panels is None or speed is None:
             return None  # no page of ours sends another word
         takes_range = parcel in RANGED and self._takes_range.value
         first, last = (int(self._first.value), int(self._last.value)) if takes_range else (None, None)
-        return TakeAway(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value))
+        arrays: tuple[ArrayName, ...] = tuple(name for name, handle in self._arrays.items() if handle.value)
+        return TakeAway(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value), arrays, sheet)
 
 
-def _news(page: Page, parcel: Parcel, is_made: bool) -> str:
+def _news(page: Page, is_made: bool) -> str:
+    """What is to be said instead of how the command line does it."""
     finding = page.findings.get(SLOT)
     if page.moment is None:
         return '<div class="et"><div class="et-note">Open a recording first.</div></div>'
@@ -120,5 +152,22 @@ def _news(page: Page, parcel: Parcel, is_made: bool) -> str:
         return (
             '<div class="et"><div class="et-note">What is made is of the network and the events unchanged.</div></div>'
         )
-    words = f"The browser saves it. <code>etnet export {_COMMANDS[parcel]}</code> makes the same, of any size."
-    return f'<div class="et"><div class="et-note">{words}</div></div>'
+    return ""
+
+
+def _told(page: Page, wanted: TakeAway) -> str:
+    """The command that makes the same."""
+    moment, run = page.moment, page.run
+    if wanted.sheet != "panels":
+        words = "The browser saves it. It is made of this moment as it is on show; the scene is left out."
+        return f'<div class="et"><div class="et-note">{words}</div></div>'
+    if moment is None or run is None:
+        words = "The browser saves it. <code>etnet export</code> opens what <code>etnet simulate --video</code> makes."
+        return f'<div class="et"><div class="et-note">{words}</div></div>'
+    name = moment.recording.name
+    out = f"{plain_name(name)}_frames" if wanted.parcel == "png" else file_name(name, wanted.parcel)
+    command = export_command(wanted, moment, run, page.state.query, out)
+    return (
+        '<div class="et"><div class="et-note">The browser saves it. This makes the same, of any size:</div>'
+        f'<code class="etv-command" data-testid="command">{escape(command)}</code></div>'
+    )

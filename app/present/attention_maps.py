@@ -222,6 +222,12 @@ def map_legend(look: AttentionLook) -> str:
     return legend("attention, × uniform (1 × = all tokens read alike)", css_gradient(sequential()), ticks)
 
 
+def map_ends(look: AttentionLook) -> tuple[str, str]:
+    """What the lowest and the highest colour of the maps stand for."""
+    low = "0" if look.is_linear else fraction(LOWEST)
+    return (f"{low} x", f"{HIGHEST:g} x uniform") if look.map_range == "shared" else (low, "each map's maximum")
+
+
 def base_url(ready: Ready, attention: Attention, tones: Tones) -> str:
     """The dimmed frame under the small maps."""
     grid = attention.grid

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import csv
 import io
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
+from etnet.evaluation.lpips import LPIPS, MIN_SIDE, load_lpips
 from etnet.evaluation.metrics import SSIM_PAPER, mean_squared_error, structural_similarity
 from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Moment, Progress, Take
 
 COLUMNS = (
     "window", "t_start_us", "t_stop_us", "seconds", "num_events", "events_per_second", "events_per_pixel", "on_share",
-    "active_share", "frame_mean", "frame_std", "camera_stamp_us", "mse", "ssim",
+    "active_share", "frame_mean", "frame_std", "camera_stamp_us", "mse", "ssim", "lpips",
 )  # fmt: skip
 """In this order; what a recording cannot tell is left empty."""
 
@@ -48,14 +51,36 @@ def window_numbers(moment: Moment) -> dict[str, float | int | None]:
 
 def camera_errors(moment: Moment) -> tuple[float | None, float | None, int | None]:
     """MSE and SSIM against the nearest camera frame, and its stamp; `None` without one of the frame's size."""
-    truth, camera = moment.recording.ground_truth, moment.camera
-    if truth is None or camera is None or camera.shape != moment.frame.shape:
+    truth, pair = moment.recording.ground_truth, _beside_camera(moment)
+    if truth is None or pair is None:
         return None, None, None
     stamp = int(truth.stamps[truth.nearest(moment.window.t_stop)])
+    is_large = min(pair[1].shape[-2:]) >= SSIM_PAPER.side
+    ssim = float(structural_similarity(*pair, SSIM_PAPER)) if is_large else None
+    return float(mean_squared_error(*pair)), ssim, stamp
+
+
+def camera_distance(moment: Moment) -> float | None:
+    """LPIPS (AlexNet) of the same pair; `None` without one, or where it is too small. Slow, so asked for by itself."""
+    pair = _beside_camera(moment)
+    if pair is None or min(pair[1].shape[-2:]) < MIN_SIDE:
+        return None
+    with torch.inference_mode():
+        return float(_lpips()(*pair))
+
+
+def _beside_camera(moment: Moment) -> tuple[Tensor, Tensor] | None:
+    """The frame, clipped to 0 … 1, and the camera's nearest one; `None` without one of the frame's size."""
+    camera = moment.camera
+    if camera is None or camera.shape != moment.frame.shape:
+        return None
     frame = torch.from_numpy(moment.frame.clip(0, 1))[None, None]
-    target = torch.from_numpy(np.ascontiguousarray(camera))[None, None]
-    ssim = float(structural_similarity(frame, target, SSIM_PAPER)) if min(camera.shape) >= SSIM_PAPER.side else None
-    return float(mean_squared_error(frame, target)), ssim, stamp
+    return frame, torch.from_numpy(np.ascontiguousarray(camera))[None, None]
+
+
+@cache
+def _lpips() -> LPIPS:
+    return load_lpips()
 
 
 def write_table(
@@ -66,7 +91,7 @@ def write_table(
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for moment in take.moments(progress=progress, is_cancelled=is_cancelled):
-        numbers = window_numbers(moment)
+        numbers = {**window_numbers(moment), "lpips": camera_distance(moment)}
         writer.writerow([_cell(numbers[name]) for name in COLUMNS])
     write_atomically(path, text.getvalue().encode())
     return len(take)

@@ -7,6 +7,7 @@ import struct
 import threading
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -71,7 +72,7 @@ class Shelf:
         self.recordings.pop(recording_id)
 
     def entries(self):
-        return tuple(Entry(i, f"recording {i}", "data", "", None) for i in ("a", "b", "broken"))
+        return tuple(Entry(i, f"recording {i}", "data", "", Path(f"{i}.h5")) for i in ("a", "b", "broken"))
 
     def entry(self, recording_id):
         listed = (*self.entries(), *self.private.values())

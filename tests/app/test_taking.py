@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -80,10 +81,19 @@ def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):
     path = tmp_path / taken.name
     path.write_bytes(taken.content)
     with np.load(path) as arrays:
+        assert not any(name.startswith("state/") for name in arrays)
         expected = np.stack([moment.frame for moment in made_up_take().moments()])
         assert np.array_equal(arrays["frames"], expected)
         assert len(arrays["window"]) == NUM_WINDOWS
         assert any(name.startswith("attention/") for name in arrays)
+
+
+def test_arrays_hold_states_and_camera_frames_as_the_commands_do(tmp_path):
+    names = ("frames", "camera", "states")
+    taken = made(ordered(parcel="h5", arrays=names))
+    path = tmp_path / taken.name
+    write_arrays(made_up_take(), path, ArraysChoice(names, ((9, 7),)))
+    assert taken.content == path.read_bytes()
 
 
 def test_a_picture_is_of_the_window_that_was_on_show():
@@ -91,6 +101,29 @@ def test_a_picture_is_of_the_window_that_was_on_show():
     assert a.content.startswith(b"\x89PNG")
     other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), TakeAway("png"), Limits()).show.order)
     assert made(other).content != a.content
+
+
+def sheet(name, **view):
+    state = ViewState(**{**_fields(STATE), **view})
+    content = made(Taking(reduce(state, TakeAway("png", sheet=name), Limits()).show.order)).content
+    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_the_whole_layout_holds_the_bins_and_the_maps_and_each_is_to_be_had_alone():
+    heights = {name: sheet(name).shape[0] for name in ("layout", "voxels", "attention")}
+    assert heights["layout"] > heights["attention"] > heights["voxels"]
+    assert {sheet(name).shape[1] for name in heights} == {1680}
+    assert sheet("layout", query=None).shape[0] < heights["layout"]
+
+
+def test_maps_are_those_of_the_head_on_show():
+    assert not np.array_equal(sheet("attention"), sheet("attention", head=0))
+    assert np.array_equal(sheet("voxels"), sheet("voxels", head=0))
+
+
+def test_maps_without_a_pixel_are_refused_with_what_to_do():
+    with pytest.raises(EtnetError, match="choose a pixel"):
+        sheet("attention", query=None)
 
 
 def _fields(state):
@@ -197,6 +230,28 @@ def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
         part = next(message for _, kind, message in browser.arrivals if kind == "FileTransferPart")
         assert part["content"] == b"1,2\n" * 40
         await browser.until(lambda: session._state.show.order is None)
+
+    visit(story)
+
+
+def test_the_form_follows_its_own_choices_while_the_page_rests():
+    async def story(viewer, browser):
+        is_shown = lambda label: browser.widgets[browser.widget(label)]["visible"]  # noqa: E731
+        await asyncio.sleep(1.0)  # the page has come to rest: nothing but the form makes it draw
+        await browser.use(browser.widget("A range only"), True)
+        await browser.until(lambda: is_shown("From window") and is_shown("To window"), patience=2.0)
+        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
+        await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
+        await browser.until_shown("etnet export csv", patience=2.0)
+        assert not is_shown("States (large)")
+        await browser.use(browser.widget("Make"), "Picture of this window (PNG)")
+        await browser.until(lambda: is_shown("Picture") and is_shown("Stamps below"), patience=2.0)
+        await browser.use(browser.widget("Picture"), "the whole layout")
+        await browser.until(lambda: not is_shown("Stamps below"), patience=2.0)
+        await browser.use(browser.widget("Make"), "Arrays (NPZ)")
+        await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"), patience=2.0)
+        await browser.use(browser.widget("States (large)"), True)
+        await browser.until_shown("--what frames voxels states", patience=2.0)
 
     visit(story)
 

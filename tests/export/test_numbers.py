@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from etnet.errors import Cancelled, EtnetError, ModelError
+from etnet.evaluation.lpips import load_lpips
 from etnet.export.arrays import ArraysChoice, write_arrays
 from etnet.export.table import COLUMNS, write_table
 from etnet.nets.attention import AttentionProbe
@@ -84,3 +85,5 @@ def test_the_table_agrees_with_the_events_and_the_pictures(tmp_path):
         squared = (moment.frame.clip(0, 1).astype(float) - moment.camera) ** 2
         assert float(row["mse"]) == pytest.approx(squared.mean(), rel=1e-5)
         assert int(row["camera_stamp_us"]) == moment.window.t_stop
+        pair = (torch.from_numpy(image)[None, None] for image in (moment.frame.clip(0, 1), moment.camera))
+        assert float(row["lpips"]) == pytest.approx(float(load_lpips()(*pair)), rel=1e-5)

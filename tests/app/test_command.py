@@ -1,0 +1,74 @@
+"""The command that the page shows is read by the command line as exactly what the page makes."""
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import tyro
+
+from app.present.command import Run, export_command, policy_text
+from app.present.moment import Moment
+from app.show_view import TakeAway
+from app.stated_ids import stated_id
+from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, parse_range
+from etnet.cli.policy import parse_policy
+from etnet.events.assumptions import Assumptions
+from etnet.events.view import View, _PlacedSource, _Placement
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
+from tests.export.recordings_made_up import NUM_WINDOWS, made_up_recording
+
+POLICIES = [BetweenFrames(), ByCount(1234), ByDensity(0.35), ByDensity(1e-4), ByDuration(20_000), ByDuration(1_500, 5)]
+WINDOWS, RUN = ByDuration(40_000), Run("it's mine.h5", "etnet-half", "bf16")
+
+
+def moment(policy=WINDOWS, recording_id="a"):
+    recording = made_up_recording()
+    return Moment(recording_id, policy, 3, recording, plan_windows(recording, BetweenFrames()))
+
+
+def parsed(wanted, at, query=None, run=RUN):
+    words = shlex.split(export_command(wanted, at, run, query, "out"))
+    assert words[:2] == ["etnet", "export"]
+    return tyro.cli(Export, args=words[2:])
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_a_policy_in_words_is_that_policy(policy):
+    assert parse_policy(policy_text(policy)) == policy
+
+
+@pytest.mark.parametrize(("parcel", "kind"), [("mp4", Video), ("gif", Gif)])
+def test_everything_chosen_is_in_the_command(parcel, kind):
+    panels = ("events", "reconstruction")
+    got = parsed(TakeAway(parcel, 1, 3, panels, 0.25, has_stamps=True), moment())
+    assert isinstance(got, kind)
+    assert (got.file, got.model, got.precision) == (Path("it's mine.h5"), "etnet-half", "bf16")
+    assert (got.panels, got.speed, got.stamps) == (panels, 0.25, True)
+    assert parse_policy(got.windows) == ByDuration(40_000)
+    assert parse_range(got.range, NUM_WINDOWS) == (1, 4)
+    plain = parsed(TakeAway(parcel), moment())
+    assert not plain.stamps
+    assert parse_range(plain.range, NUM_WINDOWS) == (0, NUM_WINDOWS)
+
+
+def test_a_picture_is_one_window_and_numbers_name_their_arrays():
+    picture = parsed(TakeAway("png"), moment())
+    assert isinstance(picture, Frames)
+    assert parse_range(picture.range, NUM_WINDOWS) == (3, 4)
+    arrays = parsed(TakeAway("npz", arrays=("frames", "attention", "states")), moment(), (9, 7))
+    assert isinstance(arrays, Arrays)
+    assert (arrays.what, arrays.queries) == (("frames", "attention", "states"), ("9,7",))
+    assert parsed(TakeAway("npz"), moment()).what == ("frames", "voxels")
+
+
+def test_what_was_stated_of_a_file_and_how_it_is_seen_is_stated_again():
+    stated = Assumptions(640, 480, "ms", "inverted", sort=True, drop_outside=True)
+    view = View((0, 0, 20, 10), downsample=2, flip="both", rotate=90)
+    at = moment(recording_id=stated_id("a", stated))
+    source = _PlacedSource(at.recording.source, _Placement(view, (0, 0, 20, 10)))
+    got = parsed(TakeAway("csv"), replace(at, recording=replace(at.recording, source=source)))
+    assert isinstance(got, Csv)
+    assert got.opening.assumptions() == stated
+    assert got.opening.view() == view
+    assert parsed(TakeAway("csv"), moment(), run=Run("-odd.h5", "m")).file == Path("-odd.h5")
