@@ -47,7 +47,7 @@ def test_only_a_public_address_has_a_picture_and_it_cannot_break_out_of_its_attr
 
 def test_what_the_head_names_is_served():
     with served() as viewer:
-        for name in ("icon.svg", "social.jpg", "tour.js"):
+        for name in ("icon.svg", "social.jpg", "tour.js", "tidy.js"):
             with urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/static/{name}", timeout=10) as got:
                 assert got.status == 200
                 assert len(got.read()) > 100
