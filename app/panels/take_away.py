@@ -106,7 +106,7 @@ class TakeAwayPanel:
                 if seconds_since_touched(self._first) > 0.4:
                     self._first.value = 0
         wanted = self._chosen()
-        self._news.show(_news(page, is_made) or ("" if wanted is None else _told(page, wanted)))
+        self._news.show(_news(page, is_made, wanted) or ("" if wanted is None else _told(page, wanted)))
 
     @staticmethod
     def _offers(name: ArrayName, parcel: Parcel, page: Page) -> bool:
@@ -128,7 +128,7 @@ class TakeAwayPanel:
         return TakeAway(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value), arrays, sheet)
 
 
-def _news(page: Page, is_made: bool) -> str:
+def _news(page: Page, is_made: bool, wanted: TakeAway | None) -> str:
     """What is to be said instead of how the command line does it."""
     finding = page.findings.get(SLOT)
     if page.moment is None:
@@ -145,7 +145,7 @@ def _news(page: Page, is_made: bool) -> str:
         trouble = f'<div class="et-failed" role="alert" data-testid="taking">{escape(finding.trouble)}</div>'
         return f'<div class="et">{trouble}</div>'
     change = page.state.inside.change
-    if parcel == "session" and change.run_from is not None:
+    if wanted is not None and wanted.parcel == "session" and change.run_from is not None:
         words = f"It holds what is changed in the network, from window {change.run_from} on."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
     if change != Change():

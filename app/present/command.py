@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 from app.present.moment import Moment
 from app.show_view import Parcel, TakeAway, arrays_of
-from app.stated_ids import stated_in
 from etnet.events.assumptions import Assumptions
-from etnet.events.view import View, view_of
+from etnet.events.opened_as import View
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
 
 _KINDS: dict[Parcel, str] = {
@@ -35,7 +34,8 @@ def export_command(wanted: TakeAway, moment: Moment, run: Run, query: tuple[int,
     words += ["--windows", policy_text(moment.policy), "--precision", run.precision]
     words += [] if run.device == "cpu" else ["--device", run.device]
     words += _range(wanted, moment)
-    words += [*_statement(stated_in(moment.recording_id)), *_view(view_of(moment.recording.source))]
+    if (opened := moment.recording.opened_as) is not None:
+        words += [*_statement(opened.assumed), *_view(opened.view)]
     words += _look(wanted, query)
     return shlex.join(words)
 

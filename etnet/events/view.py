@@ -143,11 +143,6 @@ def _inside(source: EventSource, i: int, region: tuple[int, int, int, int]) -> E
     return Events(events.x[inside], events.y[inside], events.t[inside], events.p[inside], events.sensor)
 
 
-def view_of(source: EventSource) -> View:
-    """Through which view events come; `WHOLE_VIEW` for those that come as the file has them."""
-    return source.placement.view if isinstance(source, _PlacedSource) else WHOLE_VIEW
-
-
 def seen_through(view: View, opened: Opened, request: Request) -> Opened:
     """`opened` as the view shows it. A region needs one pass over the file, which makes its index."""
     if view == WHOLE_VIEW:

@@ -10,11 +10,10 @@ import tyro
 from app.present.command import Run, export_command, policy_text
 from app.present.moment import Moment
 from app.show_view import TakeAway
-from app.stated_ids import stated_id
 from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, parse_range
 from etnet.cli.policy import parse_policy
 from etnet.events.assumptions import Assumptions
-from etnet.events.view import View, _PlacedSource, _Placement
+from etnet.events.opened_as import OpenedAs, View
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
 from tests.export.recordings_made_up import NUM_WINDOWS, made_up_recording
 
@@ -65,10 +64,8 @@ def test_a_picture_is_one_window_and_numbers_name_their_arrays():
 def test_what_was_stated_of_a_file_and_how_it_is_seen_is_stated_again():
     stated = Assumptions(640, 480, "ms", "inverted", sort=True, drop_outside=True)
     view = View((0, 0, 20, 10), downsample=2, flip="both", rotate=90)
-    at = moment(recording_id=stated_id("a", stated))
-    source = _PlacedSource(at.recording.source, _Placement(view, (0, 0, 20, 10)))
-    got = parsed(TakeAway("csv"), replace(at, recording=replace(at.recording, source=source)))
+    at = moment()
+    got = parsed(TakeAway("csv"), replace(at, recording=replace(at.recording, opened_as=OpenedAs(stated, view))))
     assert isinstance(got, Csv)
-    assert got.opening.assumptions() == stated
-    assert got.opening.view() == view
+    assert got.opening.opened_as() == OpenedAs(stated, view)
     assert parsed(TakeAway("csv"), moment(), run=Run("-odd.h5", "m")).file == Path("-odd.h5")

@@ -3,6 +3,7 @@
 import asyncio
 import re
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -158,7 +159,9 @@ def test_a_visitor_opens_the_page_waits_and_closes_it():
 
 def test_a_recording_that_was_just_made_appears_without_a_reload_and_one_that_is_written_is_named(monkeypatch):
     names, growing = ["a", "b"], [()]
-    monkeypatch.setattr(Shelf, "entries", lambda self: tuple(Entry(i, f"take {i}", "data", "", None) for i in names))
+    monkeypatch.setattr(
+        Shelf, "entries", lambda self: tuple(Entry(i, f"take {i}", "data", "", Path(f"{i}.h5")) for i in names)
+    )
     monkeypatch.setattr(Shelf, "growing", lambda self: growing[0])
 
     async def story(viewer, browser):
