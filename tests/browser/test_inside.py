@@ -63,7 +63,7 @@ def test_what_matters_is_told_and_follows_the_pixel(page):
     page.get_by_role("tab", name="Inside").click()
     look_at(page, "What matters here")
     page.get_by_test_id("verdict").get_by_text("decides most").wait_for()
-    assert page.get_by_test_id("part").count() == 10
+    assert page.get_by_test_id("part").count() == 8
     page.get_by_test_id("reconstruction").locator("img").first.click()
     page.get_by_test_id("verdict").get_by_text("At this pixel").wait_for()
     page.get_by_test_id("attended").get_by_text("handed over").first.wait_for()
