@@ -169,5 +169,10 @@ def _told(page: Page, wanted: TakeAway) -> str:
     command = export_command(wanted, moment, run, page.state.query, out)
     return (
         '<div class="et"><div class="et-note">The browser saves it. This makes the same, of any size:</div>'
-        f'<code class="etv-command" data-testid="command">{escape(command)}</code></div>'
+        f'<code class="etv-command" data-testid="command">{_unbroken(command)}</code></div>'
     )
+
+
+def _unbroken(command: str) -> str:
+    """A line of it ends between two words, and not after a hyphen of an option."""
+    return " ".join(f"<span>{escape(word)}</span>" for word in command.split(" "))

@@ -242,7 +242,7 @@ def test_the_form_follows_its_own_choices_while_the_page_rests():
         await browser.until(lambda: is_shown("From window") and is_shown("To window"), patience=2.0)
         await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
         await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
-        await browser.until_shown("etnet export csv", patience=2.0)
+        await browser.until_shown("<span>export</span> <span>csv</span>", patience=2.0)
         assert not is_shown("States (large)")
         await browser.use(browser.widget("Make"), "Picture of this window (PNG)")
         await browser.until(lambda: is_shown("Picture") and is_shown("Stamps below"), patience=2.0)
