@@ -87,7 +87,7 @@ def steps_in_sight(page):
     tour = page.get_by_test_id("tour")
     tour.get_by_text("1 of").wait_for()
     number = int(tour.locator("h3").inner_text().split()[2])
-    assert 2 <= number < 5
+    assert 1 <= number < 5  # one where the image of a recording that was just chosen is not there yet
     for step in range(1, number + 1):
         tour.get_by_text(f"{step} of {number}").wait_for()
         assert page.locator(".etv-tour-frame").is_visible()
