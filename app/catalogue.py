@@ -242,15 +242,14 @@ class Catalogue:
 
     def can_be_stated(self, entry: Entry) -> bool:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
-        is_his = entry.kind in ("file", "data", "upload") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
-        return is_his and not self._config.is_open
+        return _is_ones_own(entry) and not self._config.is_open
 
     def _stated(self, entry: Entry, recording_id: str) -> Assumptions:
         """What is stated of a recording: in its id, else on the command line, which speaks of the files it names."""
         said = stated_in(recording_id)
         if said != NOTHING_ASSUMED and not self.can_be_stated(entry):
             raise CatalogueError(f"{entry.title}: is taken at its word here; open it without a statement")
-        is_named = entry.kind in ("file", "data") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
+        is_named = _is_ones_own(entry) and entry.kind != "upload"
         return self._config.stated.assumptions() if is_named and said == NOTHING_ASSUMED else said
 
     def _seen(self, video: Path, progress: Callable[[float], None] | None) -> tuple[Path, tuple[Remark, ...]]:
@@ -267,6 +266,11 @@ class Catalogue:
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
         said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"
         return made, (Remark("assumed", said),)
+
+
+def _is_ones_own(entry: Entry) -> bool:
+    """Whether somebody brought it, as a recording: a video is seen by a sensor of which we know everything."""
+    return entry.kind in ("file", "data", "upload") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
 
 
 def suited_policy(recording: Recording) -> Policy:
