@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +15,6 @@ from app.wishes import Wish
 
 if TYPE_CHECKING:
     from torch import Tensor
-
-    from etnet.evaluation.lpips import LPIPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,21 +112,9 @@ def anatomy(model: Any) -> Anatomy:
 
 def perceptual(changed: Tensor, original: Tensor) -> float | None:
     """LPIPS of two raw frames, clipped to 0 … 1; `None` where they are too small for it."""
-    import torch
+    from etnet.evaluation.lpips import perceptual_distance
 
-    from etnet.evaluation.lpips import MIN_SIDE
-
-    if min(changed.shape[-2:]) < MIN_SIDE:
-        return None
-    with torch.inference_mode():
-        return float(_lpips()(changed.float().cpu().clamp(0, 1), original.float().cpu().clamp(0, 1)))
-
-
-@cache
-def _lpips() -> LPIPS:
-    from etnet.evaluation.lpips import load_lpips
-
-    return load_lpips()
+    return perceptual_distance(changed.float().cpu().clamp(0, 1), original.float().cpu().clamp(0, 1))
 
 
 def _sorted(levels: frozenset[int]) -> tuple[int, ...]:

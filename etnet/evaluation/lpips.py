@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -122,3 +123,16 @@ def load_lpips(path: Path | None = None) -> LPIPS:
     if missing:
         raise WeightsError(f"{path.name}: no LPIPS-Alex weights, {missing[0]} is missing; give the file as shipped")
     return LPIPS(arrays)
+
+
+def perceptual_distance(frame: Float[Tensor, "1 1 h w"], target: Float[Tensor, "1 1 h w"]) -> float | None:
+    """LPIPS-Alex of one pair in 0 … 1, on the CPU; `None` below `MIN_SIDE` pixels a side. Loads its weights once."""
+    if min(target.shape[-2:]) < MIN_SIDE:
+        return None
+    with torch.inference_mode():
+        return float(_shipped()(frame, target))
+
+
+@cache
+def _shipped() -> LPIPS:
+    return load_lpips()

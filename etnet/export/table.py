@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from etnet.evaluation.lpips import LPIPS, MIN_SIDE, load_lpips
+from etnet.evaluation.lpips import perceptual_distance
 from etnet.evaluation.metrics import SSIM_PAPER, mean_squared_error, structural_similarity
 from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Moment, Progress, Take
@@ -63,10 +62,7 @@ def camera_errors(moment: Moment) -> tuple[float | None, float | None, int | Non
 def camera_distance(moment: Moment) -> float | None:
     """LPIPS (AlexNet) of the same pair; `None` without one, or where it is too small. Slow, so asked for by itself."""
     pair = _beside_camera(moment)
-    if pair is None or min(pair[1].shape[-2:]) < MIN_SIDE:
-        return None
-    with torch.inference_mode():
-        return float(_lpips()(*pair))
+    return None if pair is None else perceptual_distance(*pair)
 
 
 def _beside_camera(moment: Moment) -> tuple[Tensor, Tensor] | None:
@@ -76,11 +72,6 @@ def _beside_camera(moment: Moment) -> tuple[Tensor, Tensor] | None:
         return None
     frame = torch.from_numpy(moment.frame.clip(0, 1))[None, None]
     return frame, torch.from_numpy(np.ascontiguousarray(camera))[None, None]
-
-
-@cache
-def _lpips() -> LPIPS:
-    return load_lpips()
 
 
 def write_table(
