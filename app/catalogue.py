@@ -27,7 +27,7 @@ from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.opened_as import WHOLE_VIEW
 from etnet.events.recording import Recording, Remark
-from etnet.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
+from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
 Kind = Literal["bundled", "data", "file", "on demand", "upload"]

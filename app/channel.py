@@ -18,7 +18,7 @@ import viser
 from app import inside_view, source_view
 from app import intents as ask
 from app.compare_view import AddLane, ChooseLane, Lane, RemoveLane
-from etnet.events.clean import Cleaning
+from etnet.events.denoise import Cleaning
 
 ON_PICK = 'data-pick="1"'
 """The attribute that makes an element of `data-k` clickable; the same for all visitors, so that HTML is shared."""

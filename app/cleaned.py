@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from threading import Lock
 
-from etnet.events.clean import Cleaning, cleaned
+from etnet.events.denoise import Cleaning, cleaned
 from etnet.events.recording import Recording
 
 KEPT = 3

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
-from etnet.events.clean import UNCLEANED, Cleaning
+from etnet.events.denoise import UNCLEANED, Cleaning
 from etnet.windows import Policy
 
 Inspector = Literal["none", "lanes", "scores", "fit"]

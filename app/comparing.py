@@ -22,7 +22,7 @@ from app.view_state import Limits, ViewState
 from app.wishbook import Deliver
 from app.wishes import Reply, Wish
 from etnet.errors import EtnetError, WindowError
-from etnet.events.clean import Cleaning
+from etnet.events.denoise import Cleaning
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, from_window, plan_windows
 

@@ -30,7 +30,7 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
     No link to a folder is followed: it leads in a circle, or out, or to what is found without it. A file may be a link
     if what it leads to lies in `folder` too; whoever watches a folder does not offer what lies elsewhere.
     """
-    from etnet.events.formats.table import FORMATS
+    from etnet.events.formats.registry import FORMATS
 
     suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
     found: dict[Path, Sign] = {}

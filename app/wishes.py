@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.intents import Precision
-from etnet.events.clean import UNCLEANED, Cleaning
+from etnet.events.denoise import UNCLEANED, Cleaning
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Policy

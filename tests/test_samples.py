@@ -9,9 +9,9 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
-from etnet import samples
 from etnet.cli.main import main
-from etnet.samples import SLIDER_DEPTH, RemoteSample, SampleError, cached, fetch, find_sample
+from etnet.events import samples
+from etnet.events.samples import SLIDER_DEPTH, RemoteSample, SampleError, cached, fetch, find_sample
 from tests.real_data import real_file
 
 FILES = {"calib.txt": b"1 2 3\n", "events.txt": b"0.0 1 1 1\n" * 500, "images/frame_00000000.png": b"\x89PNG"}

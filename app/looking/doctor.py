@@ -9,7 +9,7 @@ from app.studies import Study
 from app.studio import Stage
 from app.view_state import ViewState
 from app.wishes import Wish
-from etnet.events.doctor import Examination, look_through
+from etnet.events.examine import Examination, look_through
 
 SLOT = "source/doctor"
 

@@ -28,7 +28,7 @@ from app.panels.source import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, polic
 from app.present.fitness import fitness_html
 from app.present.lanes import lanes_html
 from app.present.scores import TITLES, Series, scores_html, series_of
-from etnet.events.clean import UNCLEANED, Cleaning
+from etnet.events.denoise import UNCLEANED, Cleaning
 
 INSPECTORS: dict[str, Inspector] = {
     "nothing": "none",

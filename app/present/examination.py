@@ -15,7 +15,7 @@ from etnet.render.encode import data_url
 
 if TYPE_CHECKING:
     from app.studies import Finding
-    from etnet.events.doctor import Examination
+    from etnet.events.examine import Examination
 
 MOST_HOT = 12
 SIDE = 360

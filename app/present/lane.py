@@ -13,7 +13,7 @@ from app.present.moment import ARRAYS, Moment
 from app.present.pictures import Tones
 from app.present.words import milliseconds, policy
 from app.wishes import Failed, Ready, Wish, Working
-from etnet.events.clean import Cleaning
+from etnet.events.denoise import Cleaning
 from etnet.windows import Window
 
 NAMES = ("A", "B", "C", "D")

@@ -14,8 +14,8 @@ from rich.table import Table
 from etnet.cli.progress import fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError
-from etnet.events.doctor import Examination, examine
-from etnet.targets import check_target
+from etnet.events.examine import Examination, examine
+from etnet.files import check_target
 
 _BARS = " ▁▂▃▄▅▆▇█"
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from etnet.cli.progress import console, fraction_callback
-from etnet.samples import cached, fetch, find_sample
+from etnet.events.samples import cached, fetch, find_sample
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from etnet.chart import Line, Panel, draw
 from etnet.evaluation.scores import TITLES, Measure, Scores
+from etnet.render.chart import Line, Panel, draw
 
 
 def plot_scores(scores: Sequence[Scores], measure: Measure = "lpips") -> str:

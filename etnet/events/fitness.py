@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from etnet.events.clean import Support
-from etnet.events.doctor import hot_pixels
+from etnet.events.denoise import Support
+from etnet.events.examine import hot_pixels
 from etnet.events.pixel_counts import HotPixel, check_countable
 from etnet.events.recording import GroundTruth, Recording
 

@@ -11,9 +11,9 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, Progress, said_unit
 from etnet.events.cache import Scratch
 from etnet.events.events import Events
+from etnet.events.formats.archive import FolderStore, ZipStore
 from etnet.events.formats.base import HEAD_BYTES, Opened, Request, contained
-from etnet.events.formats.store import FolderStore, ZipStore
-from etnet.events.formats.table import FORMATS, choose
+from etnet.events.formats.registry import FORMATS, choose
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Bracketing, EventSource, Recording, Remark
 from etnet.events.view import seen_through

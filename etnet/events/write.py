@@ -18,11 +18,11 @@ from faery.file_encoder import events_to_file
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import Progress
-from etnet.events.clock_turns import mark_turns
 from etnet.events.events import Events
 from etnet.events.formats.base import contained
+from etnet.events.formats.prophesee.clock import mark_turns
 from etnet.events.recording import Recording, Remark
-from etnet.targets import check_target
+from etnet.files import check_target
 
 Layout = Literal["event_utils", "dsec", "aedat4", "evt3", "csv", "npz"]
 

@@ -18,10 +18,10 @@ from torch import Tensor
 
 from etnet.errors import EtnetError, ModelError
 from etnet.export.take import IsCancelled, Moment, Progress, Take
+from etnet.files import check_target
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.padding import TokenGrid
 from etnet.reconstruction import window_voxel
-from etnet.targets import check_target
 
 ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from etnet.errors import EtnetError
-from etnet.targets import check_target
+from etnet.files import check_target
 
 
 def to_uint8(frame: Float32[np.ndarray, "h w"], gamma: float = 1.0) -> UInt8[np.ndarray, "h w"]:

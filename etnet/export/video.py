@@ -14,7 +14,7 @@ from etnet.errors import EtnetError
 from etnet.export.pace import Pace, pace_of
 from etnet.export.pictures import Look, Picture, draw
 from etnet.export.take import IsCancelled, Progress, Take
-from etnet.targets import check_target
+from etnet.files import check_target
 
 GIF_FASTEST = 50.0
 """Frames a second: a GIF counts in hundredths, and browsers slow down what is shorter than two of them."""

@@ -17,10 +17,10 @@ from torch import Tensor, nn
 
 from etnet.bundled import models
 from etnet.errors import ModelError, WeightsError
+from etnet.files import check_target
 from etnet.nets.precision import PrecisionChoice, choose_runtime
 from etnet.nets.presets import ARCHITECTURES, PRESETS, UNTRAINED, Network, build_model
 from etnet.nets.runtime import apply_runtime
-from etnet.targets import check_target
 
 FORMAT = "etnet-weights-1"
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from etnet.events.doctor import Examination
+from etnet.events.examine import Examination
 from etnet.render.colours import sequential
 
 WIDTH, HEIGHT, MARGIN = 960, 540, 24

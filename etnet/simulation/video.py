@@ -20,8 +20,8 @@ from jaxtyping import Float32, UInt8
 
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.files import check_target
 from etnet.simulation.sensor import PixelArray, SensorTraits, draw_noise, events_of
-from etnet.targets import check_target
 
 CHUNK = 65_536
 """Events stored together."""

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float32, Int64, UInt8
 
 from etnet.events.events import Events
+from etnet.files import check_target
 from etnet.simulation.sequence import Sequence
-from etnet.targets import check_target
 
 CHUNK = 65_536
 """Events read together."""

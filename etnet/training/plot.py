@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from etnet.chart import Line, Panel, draw
+from etnet.render.chart import Line, Panel, draw
 from etnet.training.config import TrainingError
 from etnet.training.log import LOG, read_log
 

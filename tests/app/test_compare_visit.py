@@ -8,7 +8,7 @@ import pytest
 
 from app.looking.fit import FitStudy
 from app.looking.scores import MomentScore, ProtocolRun, Strip
-from etnet.events.clean import Cleaning
+from etnet.events.denoise import Cleaning
 from etnet.windows import BetweenFrames, ByDuration
 from tests.app.stand_ins import Browser, served
 

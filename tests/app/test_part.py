@@ -12,8 +12,9 @@ from app.config import ViewerConfig
 from app.opening import Opened, Opener, Plan
 from app.part_ids import known_as, whole_id
 from app.present import Moment, curve_of
-from etnet.events.formats import prophesee, raw_index
-from etnet.events.formats.evt_words import EVT
+from etnet.events.formats.prophesee import index as raw_index
+from etnet.events.formats.prophesee import raw as prophesee
+from etnet.events.formats.prophesee.evt2_evt3 import EVT
 from etnet.events.recording import Growth, recording_of_events
 from etnet.events.write import write_recording
 from etnet.windows import ByCount, plan_windows

@@ -17,7 +17,7 @@ from app.wishes import Ready, Wish
 from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
 from etnet.evaluation.metrics import sharpness
 from etnet.evaluation.protocol import EVREAL, PAPER, PROTOCOLS
-from etnet.events.clean import Cleaning
+from etnet.events.denoise import Cleaning
 from etnet.events.open import open_recording
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
@@ -183,7 +183,7 @@ def test_a_cold_start_sees_nothing_of_what_was_before(engine, network):
 
 
 def test_a_cleaned_lane_shows_what_the_cleaned_recording_gives(engine, network):
-    from etnet.events.clean import cleaned
+    from etnet.events.denoise import cleaned
 
     cleaning = Cleaning(support_within=20_000)
     inbox = Inbox()

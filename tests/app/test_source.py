@@ -21,8 +21,8 @@ from app.source_view import Examine
 from app.studies import Finding, num_bytes
 from app.view_state import Limits, ViewState, reduce
 from app.wishes import Wish
-from etnet.events.doctor import examine, look_through
 from etnet.events.events import Events
+from etnet.events.examine import examine, look_through
 from etnet.events.recording import Remark, recording_of_events
 from etnet.windows import BetweenFrames, ByCount, plan_windows
 from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served

@@ -8,7 +8,7 @@ from app import compare_view as compare
 from app import intents as ask
 from app.memory import from_text, to_text
 from app.view_state import Limits, ViewState, reduce
-from etnet.events.clean import Cleaning
+from etnet.events.denoise import Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
 

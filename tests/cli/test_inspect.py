@@ -3,7 +3,7 @@
 import pytest
 
 from etnet.cli.main import main
-from etnet.events import doctor
+from etnet.events import examine as doctor
 
 ROWS = "20 12\n" + "".join(f"{i / 1000:.6f} {i % 7} {i % 5} {i % 2}\n" for i in range(300))
 

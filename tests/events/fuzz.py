@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from etnet.errors import RecordingError
-from etnet.events.doctor import examine
+from etnet.events.examine import examine
 from etnet.events.open import open_recording
 
 LARGEST_READ = 1 << 20

@@ -21,7 +21,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from etnet.events.formats import prophesee
+from etnet.events.formats.prophesee import raw as prophesee
 from tests.events.fuzz import damaged, try_to_read
 from tests.events.test_fuzz import MADE, REAL, WRITTEN, seed_file
 from tests.real_data import DATA

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from etnet.errors import RecordingError
-from etnet.events import clean
-from etnet.events.clean import UNCLEANED, Cleaning, cleaned
+from etnet.events import denoise
+from etnet.events.denoise import UNCLEANED, Cleaning, cleaned
 from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
 from etnet.events.recording import recording_of_events
@@ -41,7 +41,7 @@ def slowly_supported(events, within):
 @pytest.mark.parametrize("block", [7, 1 << 18])
 @pytest.mark.parametrize("within", [1, 500, 20_000])
 def test_the_filter_keeps_what_a_neighbour_supports_and_nothing_else(monkeypatch, block, within):
-    monkeypatch.setattr(clean, "_BLOCK", block)
+    monkeypatch.setattr(denoise, "_BLOCK", block)
     recording = noisy(1500)
     events = recording.read(0, recording.num_events)
     stays = slowly_supported(events, within)

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etnet.errors import RecordingError
-from etnet.events.clean import Cleaning, cleaned
-from etnet.events.doctor import examine, look_through
+from etnet.events.denoise import Cleaning, cleaned
 from etnet.events.events import Events, Sensor
+from etnet.events.examine import examine, look_through
 from etnet.events.fitness import measure_fitness
 from etnet.events.open import open_recording
 from etnet.events.pixel_counts import LARGEST_COUNTED, PixelCounts
@@ -103,7 +103,7 @@ def test_in_short_stretches_the_same_is_found_and_the_share_only_grows(monkeypat
         rng.integers(0, 20, 5000).astype(np.uint16), rng.integers(0, 12, 5000).astype(np.uint16),
         np.sort(rng.integers(0, 10**6, 5000)), rng.choice(np.array([-1, 1], np.int8), 5000), Sensor(20, 12),
     )  # fmt: skip
-    monkeypatch.setattr("etnet.events.doctor._BLOCK", 700)
+    monkeypatch.setattr("etnet.events.examine._BLOCK", 700)
     recording = recording_of_events(events)
     stretches = list(look_through(recording))
     shares = [share for _, share in stretches]

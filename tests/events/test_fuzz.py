@@ -12,7 +12,7 @@ import pytest
 import scipy.io
 
 from etnet.errors import RecordingError
-from etnet.events.formats import prophesee
+from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
 from tests.events.formats.test_camera_samples import global_shutter, picture, saved, with_events

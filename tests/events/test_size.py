@@ -15,8 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etnet.events import index_store
-from etnet.events.formats import indexed_raw, paged, prophesee, raw_index
-from etnet.events.formats.evt_words import EVT, Notes, State
+from etnet.events.formats import paged
+from etnet.events.formats.prophesee import index as raw_index
+from etnet.events.formats.prophesee import indexed as indexed_raw
+from etnet.events.formats.prophesee import raw as prophesee
+from etnet.events.formats.prophesee.evt2_evt3 import EVT, Notes, State
 from etnet.events.index_store import index_folder, index_path, load_index, save_index
 from etnet.events.open import open_recording
 from etnet.events.recording import recording_of_events

@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from etnet.chart import LEFT, RIGHT, WIDTH
 from etnet.cli.main import main
+from etnet.render.chart import LEFT, RIGHT, WIDTH
 from etnet.training.config import TrainingError
 from etnet.training.log import LOG
 from etnet.training.plot import plot_runs

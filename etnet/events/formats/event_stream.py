@@ -9,7 +9,7 @@ import faery
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.collect import Collected, collect
+from etnet.events.formats.decode import Collected, collect
 from etnet.events.formats.packets import Packets
 
 _KINDS = {0: "generic", 1: "dvs", 2: "atis", 3: "colour"}

@@ -8,7 +8,7 @@ import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.formats.base import Request, contained
-from etnet.events.formats.collect import Decoded
+from etnet.events.formats.decode import Decoded
 
 _ENOUGH = 1 << 13
 """Events that are worth the calls of handing them on; a packet that has them is not copied to join others."""

@@ -12,8 +12,8 @@ from jaxtyping import Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request, contained
-from etnet.events.formats.collect import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.columns import deduced_sensor, is_ordered, pixel_column, say_coding, signed_polarity
+from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.stamp_index import StampIndex
 from etnet.events.recording import Span
 

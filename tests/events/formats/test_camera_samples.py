@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from etnet.events.formats import aedat2
+from etnet.events.formats.aedat import aedat2
 from etnet.events.open import open_recording
 from tests.events.containers import all_events
 from tests.real_data import real_file

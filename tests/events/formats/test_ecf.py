@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etnet.events.formats.ecf import DamagedChunk, decode_chunk
+from etnet.events.formats.prophesee.ecf import DamagedChunk, decode_chunk
 
 
 def runs(values):

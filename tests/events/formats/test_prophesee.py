@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from etnet.events.formats import prophesee
+from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.open import open_recording
 
 PERIOD = 1 << 34

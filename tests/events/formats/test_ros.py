@@ -12,8 +12,8 @@ from backports import zstd
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from etnet.events.formats.event_packets import decode_libcaer, decode_libcaer_cmp
-from etnet.events.formats.ros_messages import Packet, parse_array, parse_packet, parse_picture
+from etnet.events.formats.ros.event_packets import decode_libcaer, decode_libcaer_cmp
+from etnet.events.formats.ros.messages import Packet, parse_array, parse_packet, parse_picture
 from etnet.events.open import open_recording
 from tests.events.containers import all_events
 from tests.strategies import make_events

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from etnet.errors import RecordingError
-from etnet.events.formats.rows import Columns, parse_rows
+from etnet.events.formats.text.rows import Columns, parse_rows
 
 SECONDS = Columns(0, 1, 2, 3)
 MICROS = Columns(0, 1, 2, 3, 4, "us")

@@ -10,7 +10,7 @@ import pytest
 import scipy.io
 
 from etnet.errors import RecordingError
-from etnet.events.formats import matlab
+from etnet.events.formats.arrays import matlab
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events, assert_same_events
 from tests.strategies import make_events

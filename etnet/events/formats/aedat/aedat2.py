@@ -1,0 +1,125 @@
+"""AEDAT 2.0 (jAER): eight-byte big-endian words of a DVS128, DAVIS240 or DAVIS346.
+
+Layout: inivation.com, "AEDAT file formats", and the bits listed in jAER's chip classes. jAER counts y from the bottom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from etnet.errors import RecordingError
+from etnet.events.cache import FrameCache
+from etnet.events.events import Sensor
+from etnet.events.formats.aedat.aedat2_davis import Samples, first_pixel
+from etnet.events.formats.base import Format, Opened, Remarks, Request
+from etnet.events.formats.decode import Decoded, collect
+from etnet.events.formats.word_stream import unrolled
+
+_DVS128 = Sensor(128, 128)
+_CHIPS = (("davis240", Sensor(240, 180)), ("davis346", Sensor(346, 260)), ("dvs128", _DVS128))
+_BLOCK = 1 << 17
+_LOOK = 1 << 21
+"""Words at the file's beginning from which the order of the picture's readout is judged; a dozen pictures."""
+
+_FARTHEST = Sensor(1 << 10, 1 << 9)
+"""What the bits of a DAVIS address can reach."""
+
+_PERIOD = 1 << 32
+_LONGEST_HEADER = 1 << 18
+
+
+@dataclass
+class _Other:
+    """Words that are no change events."""
+
+    samples: Samples
+    num_external: int = 0
+    num_turns: int = 0
+
+
+def header_end(block: bytes) -> int:
+    """Where the lines that begin with # end. Data may begin with that byte too, so a line must be printable."""
+    place = 0
+    while block[place : place + 1] == b"#":
+        stop = block.find(b"\n", place)
+        if stop < 0 or any(byte < 32 and byte not in (9, 13) for byte in block[place:stop]):
+            break
+        place = stop + 1
+    return place
+
+
+def _open(request: Request) -> Opened:
+    remarks = Remarks()
+    with request.path.open("rb") as file:
+        block = file.read(_LONGEST_HEADER)
+    start = header_end(block)
+    header = block[:start].decode("latin-1").lower()
+    size = request.path.stat().st_size - start
+    if size < 8:
+        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    if size % 8:
+        remarks.repaired(f"{size % 8} bytes after the last whole event were left out; the file may be truncated")
+    words = np.memmap(request.path, ">u4", "r", offset=start, shape=(size // 8, 2))
+    declared = next((sensor for chip, sensor in _CHIPS if chip in header), None)
+    chip = declared or _judged_sensor(words)
+    if declared is None and request.assume.sensor is None:
+        remarks.assumed(f"sensor {chip}: the header names no chip and the addresses fit it; --assume overrules")
+        declared = chip
+    sensor = request.assume.sensor or chip
+    remarks.assumed("y is counted from the bottom, as jAER does, and was turned over; x is as stored")
+    start = words[:_LOOK].astype(np.int64)
+    # No address reaches farther, however large a sensor is stated.
+    seen = Sensor(min(sensor.width, _FARTHEST.width), min(sensor.height, _FARTHEST.height))
+    first = None if chip == _DVS128 else first_pixel(start[:, 0], start[:, 1], seen)
+    other = _Other(Samples(seen, first, FrameCache(request.scratch)))
+    collected = collect(request, _pieces(words, chip == _DVS128, sensor.height, other), declared, remarks)
+    if collected.source.num_events == 0:
+        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+    truth, inertial = other.samples.truth(remarks), other.samples.motion.inertial(remarks)
+    if inertial is not None:
+        remarks.assumed("motion is scaled for ±4 g and ±500 °/s, jAER's usual ranges")
+    if other.num_turns > 0:
+        remarks.repaired(f"the clock begins anew {other.num_turns} times (every 71.6 minutes) and was unrolled")
+    if other.num_external:
+        remarks.detected(f"{other.num_external} external triggers, which are not read further")
+    kept = tuple(remarks.kept)
+    return Opened("AEDAT 2.0", collected.source, collected.sensor, collected.span, kept, truth, inertial)
+
+
+def _judged_sensor(words: np.ndarray) -> Sensor:
+    """A DVS128 address has 15 bits; a DAVIS one reaches beyond 16."""
+    sample = words[:: max(1, len(words) // 100_000), 0].astype(np.int64)
+    if int(sample.max()) < 1 << 16:
+        return _DVS128
+    pixels = sample[(sample >> 31) == 0]
+    reach = int(((pixels >> 22) & 0x1FF).max(initial=0)), int(((pixels >> 12) & 0x3FF).max(initial=0))
+    return Sensor(240, 180) if reach[0] < 180 and reach[1] < 240 else Sensor(346, 260)
+
+
+def _pieces(words: np.ndarray, is_dvs128: bool, height: int, other: _Other) -> Iterator[Decoded]:
+    last, turns = None, 0
+    for start in range(0, len(words), _BLOCK):
+        block = words[start : start + _BLOCK]
+        address, stamps = block[:, 0].astype(np.int64), block[:, 1].astype(np.int64)
+        t, turns = unrolled(stamps, _PERIOD, last, turns)
+        last, other.num_turns = int(stamps[-1]), turns
+        fraction = min(1.0, (start + _BLOCK) / len(words))
+        if is_dvs128:
+            is_event = (address >> 15) == 0
+            other.num_external += int(len(address) - np.count_nonzero(is_event))
+            address, t = address[is_event], t[is_event]
+            x, y, p = (address >> 1) & 0x7F, (address >> 8) & 0x7F, 1 - (address & 1)
+        else:
+            is_sample, is_external = (address >> 31) == 1, ((address >> 10) & 1) == 1
+            other.samples.take(address[is_sample], t[is_sample])
+            other.num_external += int(np.count_nonzero(is_external & ~is_sample))
+            is_event = ~(is_sample | is_external)
+            address, t = address[is_event], t[is_event]
+            x, y, p = (address >> 12) & 0x3FF, (address >> 22) & 0x1FF, (address >> 11) & 1
+        yield Decoded(x, np.where(y < height, height - 1 - y, y), t, p, fraction)
+
+
+AEDAT2 = Format("AEDAT 2.0", (".aedat", ".dat"), lambda request: request.head[:11] == b"#!AER-DAT2.", _open)

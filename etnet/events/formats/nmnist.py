@@ -1,0 +1,36 @@
+"""N-MNIST and N-Caltech101 .bin (Orchard et al. 2015): five big-endian bytes: x 8, y 8, polarity 1, t 23 bits in µs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from etnet.errors import RecordingError
+from etnet.events.formats.base import Format, Opened, Remarks, Request
+from etnet.events.formats.decode import Decoded, collect
+
+_LARGEST = 64 << 20
+
+
+def _open(request: Request) -> Opened:
+    remarks = Remarks()
+    size = request.path.stat().st_size
+    if size > _LARGEST:
+        raise RecordingError(
+            f"{request.name}: {size >> 20} MB of .bin; samples of N-MNIST and N-Caltech101 are far smaller"
+        )
+    octets = np.fromfile(request.path, np.uint8)
+    if size % 5:
+        raise RecordingError(
+            f"{request.name}: {size} bytes are no multiple of 5, so these are no N-MNIST or N-Caltech101 events"
+        )
+    rows = octets.reshape(-1, 5).astype(np.int64)
+    stamps = ((rows[:, 2] & 0x7F) << 16) | (rows[:, 3] << 8) | rows[:, 4]
+    remarks.assumed("five-byte events as in N-MNIST: a .bin file says nothing about itself")
+    pieces = [Decoded(rows[:, 0], rows[:, 1], stamps, rows[:, 2] >> 7, 1.0)]
+    collected = collect(request, pieces, None, remarks)
+    return Opened("N-MNIST .bin", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+
+
+FORTY_BITS = Format(
+    "N-MNIST .bin", (".bin",), lambda request: request.suffix == ".bin", _open, is_known_by_content=False
+)

@@ -1,0 +1,108 @@
+"""The pictures in a ROS recording: where several cameras are in it, those of the one that the events come from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float32
+
+from etnet.events.cache import FrameCache, Scratch, grey
+from etnet.events.formats.base import Remarks
+from etnet.events.formats.camera_frames import in_order
+from etnet.events.formats.columns import from_nanoseconds
+from etnet.events.formats.ros.mcap import Message
+from etnet.events.formats.ros.messages import Picture, parse_picture
+from etnet.events.recording import GroundTruth, Span
+
+_CLOCK_GAP = 60 * 10**6
+"""µs between frames and events beyond which their clocks cannot be one."""
+
+
+@dataclass
+class _Topic:
+    """The pictures of one topic; all are as large as the first."""
+
+    frames: FrameCache
+    shape: tuple[int, ...]
+    is_bgr: bool = False
+    stamps: list[int] = field(default_factory=list)
+
+    def keep(self, picture: Picture) -> bool:
+        """Whether it is like the others."""
+        if picture.pixels.shape != self.shape:
+            return False
+        self.is_bgr = picture.is_bgr
+        self.frames.append(picture.pixels)
+        self.stamps.append(picture.stamp)
+        return True
+
+
+@dataclass
+class Pictures:
+    """Pictures as they pass. Until the topic of the events is known those of every topic are kept, then of the nearest.
+
+    A topic of which no picture can be read, such as one of depths, is none.
+    """
+
+    scratch: Scratch
+    is_cdr: bool
+    event_topic: str = ""
+    topics: dict[str, _Topic] = field(default_factory=dict)
+    others: list[str] = field(default_factory=list)
+    num_left: Counter[str] = field(default_factory=Counter)
+
+    def take(self, message: Message) -> None:
+        """Keep a picture, if its topic may be the one."""
+        if message.topic in self.others:
+            return
+        try:
+            picture = parse_picture(message.content, self.is_cdr)
+        except (ValueError, IndexError):
+            self.num_left[message.topic] += 1
+            return
+        if message.topic not in self.topics:
+            file = f"frames.{len(self.topics) + len(self.others)}"
+            self.topics[message.topic] = _Topic(FrameCache(self.scratch, file), picture.pixels.shape)
+            self.belong_to(self.event_topic)
+        topic = self.topics.get(message.topic)
+        if topic is not None and not topic.keep(picture):
+            self.num_left[message.topic] += 1
+
+    def belong_to(self, event_topic: str) -> None:
+        """Drop the pictures of all topics but the one nearest to that of the events; of equals the first stays."""
+        self.event_topic = event_topic
+        if not event_topic or len(self.topics) < 2:
+            return
+        nearest = max(self.topics, key=lambda topic: _nearness(topic, event_topic))
+        for topic in [topic for topic in self.topics if topic != nearest]:
+            self.others.append(topic)
+            self.topics.pop(topic).frames.drop()
+
+    def ground_truth(self, span: Span, remarks: Remarks) -> GroundTruth | None:
+        """The frames, unless they are on another clock than the events; and what there was to choose."""
+        name, topic = next(iter(self.topics.items()), ("", None))
+        num_left = self.num_left.total() if topic is None else self.num_left[name]
+        if num_left:
+            remarks.repaired(f"{num_left} pictures of another size or an unknown encoding were left out")
+        if topic is None:
+            return None
+        if self.others:
+            remarks.detected(f"pictures of topic {name}; not shown are those of {', '.join(sorted(self.others))}")
+        stamps = from_nanoseconds(np.array(topic.stamps, np.int64))
+        if stamps.min() > span.stop + _CLOCK_GAP or stamps.max() < span.start - _CLOCK_GAP:
+            remarks.detected(f"{len(stamps)} pictures of {name} are on another clock than the events: not shown")
+            return None
+
+        def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
+            return grey(topic.frames[index], is_bgr=topic.is_bgr)
+
+        return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+
+
+def _nearness(topic: str, event_topic: str) -> int:
+    """How many namespaces the two have in common: of /davis/left/events and /davis/left/image_raw two, and the root."""
+    pairs = zip(topic.split("/")[:-1], event_topic.split("/")[:-1], strict=False)
+    differs = [ours != theirs for ours, theirs in pairs]
+    return differs.index(True) if True in differs else len(differs)
