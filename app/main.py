@@ -12,17 +12,17 @@ from weakref import WeakSet
 
 import tyro
 
-from app.catalogue import Catalogue
+from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
-from app.taken_session import config_of, session_in, view_of
-from app.view_state import ViewState
+from app.session_file import config_of, session_in, view_of
+from app.state.view_state import ViewState
 from etnet.errors import EtnetError
 
 if TYPE_CHECKING:
     import viser
 
-    from app.panels.base import Page
-    from app.session import Session
+    from app.session.session import Session
+    from app.views.view import Page
     from etnet.export.session_file import Session as TakenSession
 
 
@@ -51,13 +51,13 @@ class Viewer:
 
     def __init__(self, config: ViewerConfig) -> None:
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
-        from app import upload_door
-        from app.attract import MOST_VISITORS
-        from app.engine import Engine
-        from app.own_catalogue import OwnCatalogue
-        from app.server import Address, free_port, start_server
-        from app.session import Session
-        from app.uploads import UploadLimits, Uploads
+        from app.catalogue.uploads import UploadLimits, Uploads
+        from app.catalogue.visitor import VisitorCatalogue
+        from app.engine.engine import Engine
+        from app.session.session import Session
+        from app.views.demo.script import MOST_VISITORS
+        from app.web import upload_endpoint as upload_door
+        from app.web.server import Address, free_port, start_server
 
         # A visitor who leaves while his page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
@@ -82,7 +82,7 @@ class Viewer:
         def visit(client: viser.ClientHandle) -> Session:
             desk = None if self.uploads is None else self.uploads.desk()
             try:
-                session = Session(client, OwnCatalogue(self.catalogue, desk), self.engine, default, desk)
+                session = Session(client, VisitorCatalogue(self.catalogue, desk), self.engine, default, desk)
             except BaseException:
                 if desk is not None:
                     desk.close()
@@ -95,7 +95,7 @@ class Viewer:
             self.port,
             visit,
             MOST_VISITORS if config.demo else None,
-            {} if self.uploads is None else {upload_door.PATH: upload_door.UploadDoor(self.uploads)},
+            {} if self.uploads is None else {upload_door.PATH: upload_door.UploadEndpoint(self.uploads)},
         )
         self.port = self.server.get_port()
         if default.model_id:
@@ -130,7 +130,7 @@ class Viewer:
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""
-        from app.attract import public_view
+        from app.views.demo.script import public_view
 
         entries, models = self.catalogue.entries(), self.catalogue.models()
         view = ViewState(
@@ -144,7 +144,7 @@ class Viewer:
 
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""
-        from app.cleaned import forget_cleaned
+        from app.engine.denoised import forget_cleaned
 
         recordings = self.catalogue.let_go(recording_id)
         self._forget(recording_id)
@@ -153,7 +153,7 @@ class Viewer:
 
     def _forget(self, recording_id: str) -> None:
         """Let go of everything that was computed of a recording."""
-        from app.present.moment import ARRAYS, PICTURES
+        from app.html.moment import ARRAYS, PICTURES
 
         self.engine.forget(recording_id)
         for shared in (PICTURES, ARRAYS):

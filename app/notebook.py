@@ -61,7 +61,7 @@ class NotebookViewer:
         if page is None or page.moment is None:
             raise NotShownError("the page shows nothing yet; let the notebook show the viewer, and ask again")
         moment, ready = page.moment, page.ready
-        is_there = ready is not None and ready.wish.index == moment.index and not ready.is_approximate
+        is_there = ready is not None and ready.request.index == moment.index and not ready.is_approximate
         truth = moment.recording.ground_truth
         return Shown(
             moment.window,

@@ -19,11 +19,12 @@ from measure import report
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from app.config import ViewerConfig
-from app.inside_view import Inspector
+from app.engine.requests import FrameRequest, Ready
 from app.main import Viewer
-from app.panels.inside import INSPECTORS
-from app.present import AttentionLook, attention_html
-from app.wishes import Ready, Wish
+from app.views.attention.html.grid import attention_html
+from app.views.attention.html.maps import AttentionLook
+from app.views.inspect.panel import INSPECTORS
+from app.views.inspect.state import Inspector
 from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
 from etnet.events.recording import Recording, recording_of_events
@@ -62,9 +63,9 @@ def _drawings(recording: Recording) -> list[float]:
     policy = ByDensity(0.35)
     playback = Playback(load_model("etnet-half", "cpu", "fp32"), recording, plan_windows(recording, policy))
     step = playback.at(2, AttentionProbe())
-    wish = Wish("r", "m", "fp32", policy, 2, True)
+    request = FrameRequest("r", "m", "fp32", policy, 2, True)
     contract = contract_of(playback.model)  # pyright: ignore[reportArgumentType]
-    ready = Ready(wish, step.frame[0, 0].numpy(), step.attention, 0.0, True, False, False, contract, 2)
+    ready = Ready(request, step.frame[0, 0].numpy(), step.attention, 0.0, True, False, False, contract, 2)
     took = []
     for number in range(CLICKS + 1):
         began = time.perf_counter()

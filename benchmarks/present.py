@@ -11,9 +11,13 @@ import time
 import cv2
 from measure import report
 
-from app import present
-from app.catalogue import Catalogue, suited_policy
+from app.catalogue.recordings import Catalogue, suited_policy
 from app.config import ViewerConfig
+from app.html.moment import Moment
+from app.html.pictures import event_image_html
+from app.views.scene.points import event_cloud
+from app.views.timeline.html import timeline_html
+from app.views.voxels.html import voxel_html
 from etnet.windows import plan_windows
 
 AIM_MILLISECONDS = 30.0
@@ -28,15 +32,15 @@ def main() -> None:
     policy = suited_policy(recording)
     windows = plan_windows(recording, policy)
     parts = {
-        "event image": lambda moment: present.event_image_html(moment, "polarity"),
-        "voxel tiles": present.voxel_html,
-        "event cloud": lambda moment: present.event_cloud(moment, POINTS),
-        "timeline": present.timeline_html,
+        "event image": lambda moment: event_image_html(moment, "polarity"),
+        "voxel tiles": voxel_html,
+        "event cloud": lambda moment: event_cloud(moment, POINTS),
+        "timeline": timeline_html,
     }
     wall: dict[str, list[float]] = {name: [] for name in [*parts, "all"]}
     core: dict[str, list[float]] = {name: [] for name in [*parts, "all"]}
     for index in range(len(windows)):
-        moment = present.Moment(entry.id, policy, index, recording, windows)
+        moment = Moment(entry.id, policy, index, recording, windows)
         for name, draw in parts.items():
             start, start_of_core = time.perf_counter(), time.thread_time()
             draw(moment)

@@ -36,7 +36,7 @@ LONGEST = 12.0
 ROUND = 60.0
 """Seconds from one round to the next, where it was over by then."""
 REST = 24.0
-"""Seconds after which those who have left are gone for good, and their memory was given back (app/upkeep.py)."""
+"""Seconds after which those who have left are gone for good, and their memory was given back."""
 KEPT_FROM = 20.0
 """Minutes: what ran shorter is printed and not kept."""
 WARM = 10.0
@@ -68,7 +68,7 @@ def serve() -> None:
 
 
 def _lower_caps(engine) -> None:
-    from app.present import ARRAYS, PICTURES
+    from app.html.moment import ARRAYS, PICTURES
 
     PICTURES._budget_bytes, ARRAYS._budget_bytes = CACHES["pictures"] << 20, CACHES["arrays"] << 20
     engine._recent._largest = CACHES["frames"] << 20
@@ -76,8 +76,8 @@ def _lower_caps(engine) -> None:
 
 def _fill(viewer) -> None:
     """Show so much of every recording that the playbacks hold as many states and frames as they may."""
-    from app.catalogue import suited_policy
-    from app.wishes import Failed, Ready, Wish
+    from app.catalogue.recordings import suited_policy
+    from app.engine.requests import Failed, FrameRequest, Ready
     from etnet.windows import plan_windows
 
     answered = threading.Semaphore(0)
@@ -91,7 +91,7 @@ def _fill(viewer) -> None:
         recording = viewer.catalogue.open(entry.id)
         policy = suited_policy(recording)
         for index in range(min(FILLED, len(plan_windows(recording, policy)))):
-            viewer.engine.request("filling", Wish(entry.id, model, "fp32", policy, index), hear)
+            viewer.engine.request("filling", FrameRequest(entry.id, model, "fp32", policy, index), hear)
             answered.acquire()
     viewer.engine.drop("filling")
 
@@ -99,12 +99,12 @@ def _fill(viewer) -> None:
 def _break_now_and_then(engine) -> list[int]:
     steps, faults, step = itertools.count(1), [0], engine._exact_step
 
-    def broken(turn, stage):
+    def broken(turn, loaded):
         number = next(steps)
         if number % EVERY == 0:
             faults[0] += 1
             raise RuntimeError("this step was broken by the soak") if number % 2 else MemoryError()
-        return step(turn, stage)
+        return step(turn, loaded)
 
     engine._exact_step = broken
     return faults
@@ -113,7 +113,7 @@ def _break_now_and_then(engine) -> list[int]:
 def _held(viewer) -> dict[str, float]:
     import viser
 
-    from app.session import Session
+    from app.session.session import Session
 
     resident = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     gc.collect()
@@ -150,16 +150,16 @@ def _handed_out() -> float:
 
 def _cached_bytes(engine) -> int:
     """Bytes of all caches. Frames at hand are mostly those of a playback, so each buffer is counted once."""
-    from app.looking.scores import _SCORES
-    from app.present import ARRAYS, PICTURES
+    from app.html.moment import ARRAYS, PICTURES
+    from app.views.compare.jobs.scores import _SCORES
 
-    stages = [stage.playback for stage in tuple(engine._studio._stages.values())]
+    loadeds = [loaded.playback for loaded in tuple(engine._playbacks._stages.values())]
     frames = {ready.frame.ctypes.data: ready.frame.nbytes for ready in tuple(engine._recent._held.values())}
-    for playback in stages:
+    for playback in loadeds:
         frames |= {frame.data_ptr(): frame.nbytes for frame in tuple(playback._frames._frames.values())}
-    states = sum(playback._states.nbytes for playback in stages)
-    held = PICTURES.nbytes + ARRAYS.nbytes + _SCORES.nbytes + engine._studies._kept_bytes
-    return held + states + sum(frames.values()) + engine._studio._attention_bytes
+    states = sum(playback._states.nbytes for playback in loadeds)
+    held = PICTURES.nbytes + ARRAYS.nbytes + _SCORES.nbytes + engine._jobs._kept_bytes
+    return held + states + sum(frames.values()) + engine._playbacks._attention_bytes
 
 
 # ---- the visitors ----

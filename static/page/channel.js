@@ -1,4 +1,4 @@
-// The page's end of app/channel.py: what viser's widgets cannot say. Every message is a text "kind|…|counter".
+// The page's end of app/session/channel.py: what viser's widgets cannot say. Every message is a text "kind|…|counter".
 (() => {
   let counter = Date.now();
   const say = (...parts) => {

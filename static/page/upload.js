@@ -1,5 +1,5 @@
 // Files of the visitor's go to the server piece by piece, by a button or dropped anywhere on the page (see
-// app/upload_door.py). How far one is, and why one was refused, the server says; here is only what it cannot know.
+// app/web/upload_endpoint.py). How far one is, and why one was refused, the server says; here is only what it cannot know.
 (() => {
   const AHEAD = 4; // pieces that are on their way before the first is acknowledged
   const ticket = () => document.querySelector("[data-etv-ticket]")?.dataset.etvTicket;

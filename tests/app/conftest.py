@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.engine import Engine
+from app.engine.engine import Engine
 
 from .fakes import Shelf
 

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from app.offered_models import ModelEntry
-from app.wishes import Failed, Ready, Wish, Working
+from app.catalogue.models import ModelEntry
+from app.engine.requests import Failed, FrameRequest, Ready, Working
 from etnet.errors import ModelError, RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import recording_of_events
@@ -118,7 +118,7 @@ class Inbox:
             return next(r for r in self.replies if condition(r))
 
     def ready(self, index, timeout=10):
-        return self.wait(lambda r: isinstance(r, Ready) and r.wish.index == index and not r.is_approximate, timeout)
+        return self.wait(lambda r: isinstance(r, Ready) and r.request.index == index and not r.is_approximate, timeout)
 
     def failed(self):
         return self.wait(lambda r: isinstance(r, Failed))
@@ -131,8 +131,8 @@ class Inbox:
         return self.of(Working)
 
 
-def wish(index, recording="r", model="m", **more):
-    return Wish(recording, model, "fp32", POLICY, index, **more)
+def request(index, recording="r", model="m", **more):
+    return FrameRequest(recording, model, "fp32", POLICY, index, **more)
 
 
 def hold(model):

@@ -1,7 +1,7 @@
 """A small network's playback as the engine holds it, and what is asked of it: for the tests of looking inside."""
 
-from app.studio import Pace, Stage
-from app.wishes import Wish
+from app.engine.playbacks import LoadedPlayback, Pace
+from app.engine.requests import FrameRequest
 from etnet.nets.runtime import contract_of
 from etnet.windows import ByCount
 from tests.inspection.small import EVENTS_A_WINDOW, small_playback
@@ -14,14 +14,14 @@ PARTS = ("tpa", "uniform", "decoders", "scale 3", "skip 0", "zero 1", "freeze 2"
 NONSENSE = ("", "skip", "skip 9", "skip -1", "head x 1", f"head {SITE}", f"head {SITE} 99", "tpa 1", "scale 1 2")
 
 
-def stage_of(preset="tiny"):
+def loaded_of(preset="tiny"):
     playback = small_playback(preset)
-    return Stage(playback, contract_of(playback.model), 4, Pace(), 1.0)
+    return LoadedPlayback(playback, contract_of(playback.model), 4, Pace(), 1.0)
 
 
-def wish_of(index, **more):
-    return Wish("r", "m", "fp32", POLICY, index, **more)
+def request_of(index, **more):
+    return FrameRequest("r", "m", "fp32", POLICY, index, **more)
 
 
-def whole(study, stage):
-    return [answer for answer, _ in study.run(stage, lambda: False)][-1]
+def whole(job, loaded):
+    return [answer for answer, _ in job.run(loaded, lambda: False)][-1]

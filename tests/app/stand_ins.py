@@ -15,17 +15,17 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
-from app.catalogue import CatalogueError, Entry
-from app.engine import EngineStatus
-from app.films import Films
-from app.offered_models import ModelEntry
-from app.own_catalogue import OwnCatalogue
-from app.server import Address, free_port, start_server
-from app.session import Session
-from app.upload_door import PATH, UploadDoor
-from app.uploads import Uploads
-from app.view_state import ViewState
-from app.wishes import Failed, Ready, Working
+from app.catalogue.models import ModelEntry
+from app.catalogue.recordings import CatalogueError, Entry
+from app.catalogue.uploads import Uploads
+from app.catalogue.videos import Videos
+from app.catalogue.visitor import VisitorCatalogue
+from app.engine.engine import EngineStatus
+from app.engine.requests import Failed, Ready, Working
+from app.session.session import Session
+from app.state.view_state import ViewState
+from app.web.server import Address, free_port, start_server
+from app.web.upload_endpoint import PATH, UploadEndpoint
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, recording_of_events
@@ -55,7 +55,7 @@ class Shelf:
     def __init__(self):
         self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
         self.private = {}
-        self.films = Films()
+        self.films = Videos()
 
     def is_film(self, entry):
         return False
@@ -99,47 +99,47 @@ class Shelf:
 
 
 class InstantEngine:
-    """Answers at once, on a thread of its own, unless it is held; remembers what was asked."""
+    """NewestFrames at once, on a thread of its own, unless it is held; remembers what was asked."""
 
     def __init__(self):
-        self.wishes = []
+        self.requests = []
         self.dropped = []
-        self.studies = []
+        self.jobs = []
         self.is_held = False
         self.has_frames_at_hand = False
         self.failure = ""
 
-    def request(self, visitor, wish, deliver):
-        self.wishes.append((visitor, wish))
+    def request(self, visitor, request, deliver):
+        self.requests.append((visitor, request))
         if self.is_held:
-            deliver(Working(wish, 14, 19, "replaying"))
+            deliver(Working(request, 14, 19, "replaying"))
             return
         if self.has_frames_at_hand:
-            self._answer(wish, deliver)
+            self._answer(request, deliver)
             return
-        threading.Thread(target=self._answer, args=(wish, deliver), daemon=True).start()
+        threading.Thread(target=self._answer, args=(request, deliver), daemon=True).start()
 
-    def _answer(self, wish, deliver):
+    def _answer(self, request, deliver):
         if self.failure:
-            deliver(Failed(wish, self.failure))
+            deliver(Failed(request, self.failure))
             return
         frame = np.full((SENSOR.height, SENSOR.width), 0.5, np.float32)
-        deliver(Ready(wish, frame, None, 3.0, True, False, False, CONTRACT, wish.index))
+        deliver(Ready(request, frame, None, 3.0, True, False, False, CONTRACT, request.index))
 
     def drop(self, visitor):
         self.dropped.append(visitor)
 
-    def study(self, visitor, slot, study, tell):
-        self.studies.append((visitor, slot, study))
+    def job(self, visitor, slot, job, tell):
+        self.jobs.append((visitor, slot, job))
         self.tell = tell
 
-    def drop_study(self, visitor, slot):
-        self.studies.append((visitor, slot, None))
+    def drop_job(self, visitor, slot):
+        self.jobs.append((visitor, slot, None))
 
-    def cached(self, wish):
+    def cached(self, request):
         return None
 
-    def status(self, wish):
+    def status(self, request):
         return EngineStatus(False, 42.0, "fp32", 0)
 
 
@@ -163,10 +163,10 @@ def served(view=lambda default: default, most_visitors=None, limits=None):
 
     def visit(client):
         desk = None if uploads is None else uploads.desk()
-        sessions[client.client_id] = Session(client, OwnCatalogue(shelf, desk), engine, default, desk)
+        sessions[client.client_id] = Session(client, VisitorCatalogue(shelf, desk), engine, default, desk)
         return sessions[client.client_id]
 
-    doors = {} if uploads is None else {PATH: UploadDoor(uploads)}
+    doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}
     server = start_server(Address(), free_port("127.0.0.1", 18_600), visit, most_visitors, doors)
     try:
         yield Served(server.get_port(), engine, shelf, sessions, uploads)

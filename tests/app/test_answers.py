@@ -1,27 +1,27 @@
-"""Replies come late, out of order and for wishes that were given up: what is on show is never older or worse."""
+"""Replies come late, out of order and for requests that were given up: what is on show is never older or worse."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from app import intents as ask
-from app.answers import Answers
-from app.channel import AskHelp, Hello, Resized, parse
-from app.view_state import ViewState
-from app.wishes import Failed, Ready, Wish, Working
+from app.engine.requests import Failed, FrameRequest, Ready, Working
+from app.session.channel import AskHelp, Hello, Resized, parse
+from app.session.frames import NewestFrames
+from app.state import intents as ask
+from app.state.view_state import ViewState
 from etnet.windows import ByCount
 from tests.app.stand_ins import CONTRACT
 
-WISH = Wish("a", "m", "fp32", ByCount(9), 5)
+WISH = FrameRequest("a", "m", "fp32", ByCount(9), 5)
 
 
-def ready(wish, is_approximate=False):
+def ready(request, is_approximate=False):
     frame = np.zeros((2, 2), np.float32)
-    return Ready(wish, frame, None, 1.0, not is_approximate, is_approximate, False, CONTRACT, 5)
+    return Ready(request, frame, None, 1.0, not is_approximate, is_approximate, False, CONTRACT, 5)
 
 
 def test_a_preview_never_replaces_the_exact_frame_of_its_window():
-    answers = Answers()
+    answers = NewestFrames()
     answers.ask(WISH)
     exact = ready(WISH)
     assert answers.take(exact)
@@ -31,7 +31,7 @@ def test_a_preview_never_replaces_the_exact_frame_of_its_window():
 
 
 def test_a_preview_is_shown_but_is_no_finished_picture():
-    answers = Answers()
+    answers = NewestFrames()
     answers.ask(WISH)
     answers.take(ready(WISH, is_approximate=True))
     assert answers.ready is not None
@@ -39,7 +39,7 @@ def test_a_preview_is_shown_but_is_no_finished_picture():
 
 
 def test_with_a_pixel_chosen_the_picture_alone_is_not_all_that_is_awaited():
-    answers, state = Answers(), ViewState("a", "m", index=5)
+    answers, state = NewestFrames(), ViewState("a", "m", index=5)
     answers.ask(WISH)
     assert not answers.shows(state)
     answers.take(ready(WISH))
@@ -55,7 +55,7 @@ def test_with_a_pixel_chosen_the_picture_alone_is_not_all_that_is_awaited():
 
 
 def test_work_and_failure_of_a_wish_given_up_are_no_news():
-    answers = Answers()
+    answers = NewestFrames()
     answers.ask(WISH)
     answers.ask(replace(WISH, index=6))
     assert not answers.take(Working(WISH, 1, 2, "replaying"))
@@ -64,7 +64,7 @@ def test_work_and_failure_of_a_wish_given_up_are_no_news():
 
 
 def test_another_recordings_picture_is_never_shown():
-    answers = Answers()
+    answers = NewestFrames()
     answers.ask(WISH)
     answers.take(ready(WISH))
     answers.ask(replace(WISH, recording_id="b"))
@@ -73,7 +73,7 @@ def test_another_recordings_picture_is_never_shown():
 
 
 def test_the_same_wish_is_asked_once():
-    answers = Answers()
+    answers = NewestFrames()
     assert answers.ask(WISH)
     assert not answers.ask(WISH)
     assert answers.ask(replace(WISH, wants_attention=True))

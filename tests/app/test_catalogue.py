@@ -10,7 +10,9 @@ import weakref
 import numpy as np
 import pytest
 
-from app.catalogue import (
+from app.catalogue.folder import RESTS, recordings_in
+from app.catalogue.recording_id import stated_id
+from app.catalogue.recordings import (
     Catalogue,
     CatalogueError,
     Entry,
@@ -18,8 +20,6 @@ from app.catalogue import (
     suited_policy,
 )
 from app.config import ConfigError, ViewerConfig
-from app.folder import RESTS, recordings_in
-from app.stated_ids import stated_id
 from etnet.bundled import samples
 from etnet.errors import EtnetError, WeightsError
 from etnet.events.assumptions import Assumptions
@@ -113,7 +113,7 @@ def test_two_visitors_share_one_opened_recording(folder):
 
 
 def test_a_recording_nobody_uses_any_more_is_closed(folder, monkeypatch):
-    monkeypatch.setattr("app.catalogue.KEPT_OPEN", 1)
+    monkeypatch.setattr("app.catalogue.recordings.KEPT_OPEN", 1)
     shutil.copy(folder / "inside" / "good.txt", folder / "other.txt")
     catalogue = Catalogue(ViewerConfig(data=folder))
     in_use = catalogue.open(entry_of(catalogue, "good.txt").id)
@@ -170,9 +170,9 @@ def test_a_file_that_is_gone_is_not_offered_and_what_stays_keeps_its_id(folder):
 
 
 def test_whoever_asks_for_the_list_sets_off_a_look_that_he_does_not_wait_for(folder, monkeypatch):
-    monkeypatch.setattr("app.folder.RESTS", 0.0)
-    monkeypatch.setattr("app.catalogue.LOOK_EVERY", 0.0)
-    monkeypatch.setattr("app.catalogue._PATIENCE", 0)
+    monkeypatch.setattr("app.catalogue.folder.RESTS", 0.0)
+    monkeypatch.setattr("app.catalogue.recordings.LOOK_EVERY", 0.0)
+    monkeypatch.setattr("app.catalogue.recordings._PATIENCE", 0)
     catalogue = Catalogue(ViewerConfig(data=folder))
     shutil.copy(folder / "inside" / "good.txt", folder / "new.txt")
     ends = time.monotonic() + 10
@@ -183,7 +183,7 @@ def test_whoever_asks_for_the_list_sets_off_a_look_that_he_does_not_wait_for(fol
 
 def test_without_a_folder_nothing_is_looked_at(monkeypatch):
     folders = []  # a look that another test set off may still be under way, into its own folder
-    monkeypatch.setattr("app.catalogue.recordings_in", lambda folder: folders.append(folder) or [])
+    monkeypatch.setattr("app.catalogue.recordings.recordings_in", lambda folder: folders.append(folder) or [])
     catalogue = Catalogue(ViewerConfig())
     catalogue.look(0.0)
     assert catalogue._next_look == math.inf
@@ -207,7 +207,7 @@ def test_a_recording_on_demand_is_fetched_when_it_is_opened_and_tells_its_terms(
         asked.append(sample.name)
         return folder / "inside" / "good.txt"
 
-    monkeypatch.setattr("app.catalogue.fetch", fetch)
+    monkeypatch.setattr("app.catalogue.recordings.fetch", fetch)
     catalogue = Catalogue(ViewerConfig())
     entry = next(entry for entry in catalogue.entries() if entry.kind == "on demand")
     assert "non-commercial" in entry.terms
@@ -236,9 +236,9 @@ def test_a_model_that_is_not_there_is_said_before_anything_is_served(folder):
 
 def test_neither_catalogue_nor_present_nor_engine_load_torch():
     code = (
-        "import sys, app.catalogue, app.config, app.engine, app.present;"
-        "c = app.catalogue.Catalogue(app.config.ViewerConfig()); c.models(); c.open(c.entries()[0].id);"
-        "e = app.engine.Engine(c, 1 << 20); e.stop();"
+        "import sys, app.catalogue.recordings, app.config, app.engine.engine, app.html;"
+        "c = app.catalogue.recordings.Catalogue(app.config.ViewerConfig()); c.models(); c.open(c.entries()[0].id);"
+        "e = app.engine.engine.Engine(c, 1 << 20); e.stop();"
         "assert 'torch' not in sys.modules and 'viser' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
@@ -342,7 +342,7 @@ def test_a_part_of_a_video_is_opened_as_an_event_sensor_sees_it_and_nothing_stay
 
 
 def test_weights_are_known_by_the_mark_that_the_library_writes():
-    from app.offered_models import WEIGHTS_FORMAT
+    from app.catalogue.models import WEIGHTS_FORMAT
     from etnet.nets.weights import FORMAT
 
     assert WEIGHTS_FORMAT == FORMAT

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import tyro
 
-from app.present.command import Run, export_command, policy_text
-from app.present.moment import Moment
-from app.show_view import TakeAway
+from app.html.moment import Moment
+from app.views.demo.state import StartExport
+from app.views.export.command import Run, export_command, policy_text
 from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, parse_range
 from etnet.cli.policy import parse_policy
 from etnet.events.assumptions import Assumptions
@@ -40,32 +40,32 @@ def test_a_policy_in_words_is_that_policy(policy):
 @pytest.mark.parametrize(("parcel", "kind"), [("mp4", Video), ("gif", Gif)])
 def test_everything_chosen_is_in_the_command(parcel, kind):
     panels = ("events", "reconstruction")
-    got = parsed(TakeAway(parcel, 1, 3, panels, 0.25, has_stamps=True), moment())
+    got = parsed(StartExport(parcel, 1, 3, panels, 0.25, has_stamps=True), moment())
     assert isinstance(got, kind)
     assert (got.file, got.model, got.precision) == (Path("it's mine.h5"), "etnet-half", "bf16")
     assert (got.panels, got.speed, got.stamps) == (panels, 0.25, True)
     assert parse_policy(got.windows) == ByDuration(40_000)
     assert parse_range(got.range, NUM_WINDOWS) == (1, 4)
-    plain = parsed(TakeAway(parcel), moment())
+    plain = parsed(StartExport(parcel), moment())
     assert not plain.stamps
     assert parse_range(plain.range, NUM_WINDOWS) == (0, NUM_WINDOWS)
 
 
 def test_a_picture_is_one_window_and_numbers_name_their_arrays():
-    picture = parsed(TakeAway("png"), moment())
+    picture = parsed(StartExport("png"), moment())
     assert isinstance(picture, Frames)
     assert parse_range(picture.range, NUM_WINDOWS) == (3, 4)
-    arrays = parsed(TakeAway("npz", arrays=("frames", "attention", "states")), moment(), (9, 7))
+    arrays = parsed(StartExport("npz", arrays=("frames", "attention", "states")), moment(), (9, 7))
     assert isinstance(arrays, Arrays)
     assert (arrays.what, arrays.queries) == (("frames", "attention", "states"), ("9,7",))
-    assert parsed(TakeAway("npz"), moment()).what == ("frames", "voxels")
+    assert parsed(StartExport("npz"), moment()).what == ("frames", "voxels")
 
 
 def test_what_was_stated_of_a_file_and_how_it_is_seen_is_stated_again():
     stated = Assumptions(640, 480, "ms", "inverted", sort=True, drop_outside=True)
     view = View((0, 0, 20, 10), downsample=2, flip="both", rotate=90)
     at = moment()
-    got = parsed(TakeAway("csv"), replace(at, recording=replace(at.recording, opened_as=OpenedAs(stated, view))))
+    got = parsed(StartExport("csv"), replace(at, recording=replace(at.recording, opened_as=OpenedAs(stated, view))))
     assert isinstance(got, Csv)
     assert got.opening.opened_as() == OpenedAs(stated, view)
-    assert parsed(TakeAway("csv"), moment(), run=Run("-odd.h5", "m")).file == Path("-odd.h5")
+    assert parsed(StartExport("csv"), moment(), run=Run("-odd.h5", "m")).file == Path("-odd.h5")

@@ -1,4 +1,4 @@
-"""Comparing over the real server, seen by a browser that is only a websocket: no model, no screen."""
+"""VisitorLanes over the real server, seen by a browser that is only a websocket: no model, no screen."""
 
 import asyncio
 import re
@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from app.looking.fit import FitStudy
-from app.looking.scores import MomentScore, ProtocolRun, Strip
+from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
+from app.views.recording.jobs.fitness import FitStudy
 from etnet.events.denoise import Cleaning
 from etnet.windows import BetweenFrames, ByDuration
 from tests.app.stand_ins import Browser, served
@@ -29,7 +29,7 @@ def visit(viewer, story, tab, **options):
 
 
 def lane_wishes(viewer):
-    return [(visitor.rpartition("/")[2], wish) for visitor, wish in viewer.engine.wishes if "/lane" in visitor]
+    return [(visitor.rpartition("/")[2], request) for visitor, request in viewer.engine.requests if "/lane" in visitor]
 
 
 async def press(browser, text):
@@ -42,14 +42,14 @@ async def open_lanes(browser):
 
 
 def test_while_nothing_is_compared_nothing_is_asked(viewer):
-    before = len(lane_wishes(viewer)), len(viewer.engine.studies)
+    before = len(lane_wishes(viewer)), len(viewer.engine.jobs)
 
     async def story(browser):
         await browser.use(browser.widget("Window"), 9)
         await browser.until_shown("Reconstruction of window 9")
 
     visit(viewer, story, 61)
-    assert (len(lane_wishes(viewer)), len(viewer.engine.studies)) == before
+    assert (len(lane_wishes(viewer)), len(viewer.engine.jobs)) == before
 
 
 def test_a_lane_follows_the_moment_in_its_own_windows(viewer):
@@ -65,9 +65,9 @@ def test_a_lane_follows_the_moment_in_its_own_windows(viewer):
         assert "taken as the window ends" in browser.html()
 
     visit(viewer, story, 62)
-    lane, wish = lane_wishes(viewer)[-1]
-    assert (lane, wish.policy, wish.index) == ("lane1", ByDuration(20_000), 10)
-    assert {wish.index for visitor, wish in viewer.engine.wishes if "/" not in visitor} >= {15, 21}
+    lane, request = lane_wishes(viewer)[-1]
+    assert (lane, request.policy, request.index) == ("lane1", ByDuration(20_000), 10)
+    assert {request.index for visitor, request in viewer.engine.requests if "/" not in visitor} >= {15, 21}
 
 
 def test_each_lane_can_be_cleaned_and_started_cold(viewer):
@@ -84,9 +84,9 @@ def test_each_lane_can_be_cleaned_and_started_cold(viewer):
         await browser.until_shown("Lane B: window 3")
 
     visit(viewer, story, 63)
-    wishes = dict(lane_wishes(viewer))
-    assert wishes["lane1"].cold_at == 15
-    assert wishes["lane2"].cleaning == Cleaning(hot_pixels=True, support_within=5_000)
+    requests = dict(lane_wishes(viewer))
+    assert requests["lane1"].cold_at == 15
+    assert requests["lane2"].cleaning == Cleaning(hot_pixels=True, support_within=5_000)
 
 
 def test_a_lane_that_cannot_be_says_why_and_the_others_go_on(viewer):
@@ -119,25 +119,25 @@ def test_a_lane_that_is_removed_costs_nothing_more(viewer):
 
 
 def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
-    studies = viewer.engine.studies
+    jobs = viewer.engine.jobs
 
     async def story(browser):
-        seen = len(studies)
+        seen = len(jobs)
         await open_lanes(browser)
         await press(browser, "lane:add")
-        await browser.until(lambda: any(isinstance(study, MomentScore) for _, _, study in studies[seen:]))
+        await browser.until(lambda: any(isinstance(job, MomentScore) for _, _, job in jobs[seen:]))
         await browser.use(browser.widget("Compare"), "scores over time")
-        await browser.until(lambda: sum(isinstance(study, Strip) for _, _, study in studies[seen:]) == 2)
+        await browser.until(lambda: sum(isinstance(job, Strip) for _, _, job in jobs[seen:]) == 2)
         await browser.use(browser.widget("Protocol’s own cut"), True)
-        await browser.until(lambda: sum(isinstance(study, ProtocolRun) for _, _, study in studies[seen:]) == 2)
+        await browser.until(lambda: sum(isinstance(job, ProtocolRun) for _, _, job in jobs[seen:]) == 2)
         await browser.use(browser.widget("Compare"), "what kind of recording this is")
-        await browser.until(lambda: isinstance(studies[-1][2], FitStudy))
+        await browser.until(lambda: isinstance(jobs[-1][2], FitStudy))
         await browser.use(browser.widget("Compare"), "nothing")
-        await browser.until(lambda: studies[-1][2] is None)
+        await browser.until(lambda: jobs[-1][2] is None)
 
     visit(viewer, story, 66)
-    asked = next(study for _, _, study in studies if isinstance(study, MomentScore))
-    assert asked.wish.policy == BetweenFrames()
+    asked = next(job for _, _, job in jobs if isinstance(job, MomentScore))
+    assert asked.request.policy == BetweenFrames()
     assert asked.frame == 16  # window 15 ends with frame 16
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.crew import Crew
+from app.engine.threads import ThreadPool
 
 
 def follow_one_another(crew, num, work):
@@ -29,14 +29,14 @@ def settle(crew):
 
 
 def test_work_that_comes_one_after_the_other_is_done_by_one_thread_under_its_own_name():
-    crew, seen = Crew(), []
+    crew, seen = ThreadPool(), []
     follow_one_another(crew, 20, lambda: seen.append((threading.get_ident(), threading.current_thread().name)))
     assert len({thread for thread, _ in seen}) == 1
     assert [name for _, name in seen] == [f"work {number}" for number in range(20)]
 
 
 def test_work_that_comes_at_once_is_done_at_once_and_no_more_threads_wait_than_may():
-    crew, together = Crew(most_idle=2), threading.Barrier(6)
+    crew, together = ThreadPool(most_idle=2), threading.Barrier(6)
     ends = [crew.start(lambda: together.wait(10), f"together {number}") for number in range(5)]
     assert not any(end.is_set() for end in ends)
     together.wait(10)
@@ -50,7 +50,7 @@ def test_what_the_work_held_is_let_go_when_it_has_ended():
         def draw(self):
             pass
 
-    crew, page = Crew(), Page()
+    crew, page = ThreadPool(), Page()
     gone = weakref.ref(page)
     assert crew.start(page.draw, "page").wait(10)
     settle(crew)
@@ -61,7 +61,7 @@ def test_what_the_work_held_is_let_go_when_it_has_ended():
 def test_work_that_fails_says_so_where_threads_do_and_the_next_is_done(monkeypatch):
     told = []
     monkeypatch.setattr(threading, "excepthook", lambda args: told.append(str(args.exc_value)))
-    crew, done = Crew(), threading.Event()
+    crew, done = ThreadPool(), threading.Event()
 
     def broken():
         raise OSError("no space left on device")
@@ -87,7 +87,7 @@ def handed_out():
 
 
 def test_visits_that_draw_leave_nothing_of_their_threads():
-    crew, grey = Crew(), np.zeros((30, 40), np.uint8)
+    crew, grey = ThreadPool(), np.zeros((30, 40), np.uint8)
 
     def draw():
         cv2.cvtColor(cv2.resize(grey, (80, 60)), cv2.COLOR_GRAY2RGB)

@@ -13,19 +13,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app import intents as ask
-from app.attract import FORBIDDEN
-from app.channel import parse
-from app.looking.cutting import SLOT, Cutting, cut_question
-from app.looking.taking import Made
-from app.memory import from_text, to_text
-from app.present import Moment
-from app.present.excerpt import excerpt_html
-from app.questions import given_up
-from app.source_view import CutOut, LeaveCut, MarkCut
-from app.studies import Finding
-from app.view_state import Limits, ViewState, reduce
-from app.wishes import Wish
+from app.engine.jobs import JobResult
+from app.engine.requests import FrameRequest
+from app.html.moment import Moment
+from app.session.channel import parse
+from app.session.questions import given_up
+from app.state import intents as ask
+from app.state.stored import from_text, to_text
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.demo.script import FORBIDDEN
+from app.views.export.jobs import Made
+from app.views.recording.html.cut import excerpt_html
+from app.views.recording.jobs.cut import SLOT, Cutting, trim_jobs
+from app.views.recording.state import DropTrim, MarkTrim, Trim
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
 from etnet.windows import BetweenFrames, ByCount, plan_windows
@@ -48,16 +48,16 @@ def marked(opened, policy, first=None, last=None, order=(0, 1)):
     for mark in order:
         index, end = ((first, "from"), (last, "to"))[mark]
         if index is not None:
-            state = reduce(reduce(state, ask.Seek(index), limits), MarkCut(end), limits)
-    return reduce(state, CutOut(), limits), windows
+            state = reduce(reduce(state, ask.Seek(index), limits), MarkTrim(end), limits)
+    return reduce(state, Trim(), limits), windows
 
 
-def stage_of(opened):
+def loaded_of(opened):
     return SimpleNamespace(playback=SimpleNamespace(recording=opened))
 
 
 def cut(state, opened, folder):
-    answers = list(Cutting(state.source.cut).run(stage_of(opened), bool))
+    answers = list(Cutting(state.source.cut).run(loaded_of(opened), bool))
     assert all(value is None for value, _ in answers[:-1])
     assert [share for _, share in answers] == sorted(share for _, share in answers)
     path = folder / answers[-1][0].name
@@ -107,20 +107,20 @@ def test_marks_belong_to_their_recording():
     state, windows = marked(opened, ByCount(100), 8)
     elsewhere = replace(state, recording_id="b")
     limits = Limits(opened.sensor, windows)
-    again = reduce(reduce(elsewhere, LeaveCut(), limits), CutOut(), limits)
+    again = reduce(reduce(elsewhere, DropTrim(), limits), Trim(), limits)
     assert again.source.cut is None
-    assert reduce(elsewhere, MarkCut("to"), limits).source.excerpt.begin is None
+    assert reduce(elsewhere, MarkTrim("to"), limits).source.excerpt.begin is None
 
 
 def test_without_a_mark_or_a_recording_nothing_is_cut():
-    assert reduce(STATE, CutOut(), Limits()).source.cut is None
-    assert reduce(STATE, MarkCut("from"), Limits()).source.excerpt.begin is None
-    assert cut_question(STATE, Wish("a", "m", "fp32", BetweenFrames(), 0)) == {}
+    assert reduce(STATE, Trim(), Limits()).source.cut is None
+    assert reduce(STATE, MarkTrim("from"), Limits()).source.excerpt.begin is None
+    assert trim_jobs(STATE, FrameRequest("a", "m", "fp32", BetweenFrames(), 0)) == {}
 
 
 def test_the_public_cannot_cut_and_a_browser_keeps_no_order():
     state, _ = marked(recording(), BetweenFrames(), 3, 7)
-    assert all(isinstance(intent, FORBIDDEN) for intent in (CutOut(), MarkCut("to"), LeaveCut()))
+    assert all(isinstance(intent, FORBIDDEN) for intent in (Trim(), MarkTrim("to"), DropTrim()))
     assert from_text(to_text(state), STATE)[0].source.cut is None
     assert SLOT in given_up(STATE)
     assert SLOT not in given_up(state)
@@ -130,12 +130,12 @@ def test_what_is_too_large_for_a_page_is_said_with_a_way_out_and_who_cancels_lea
     opened = recording(num_events=60_000)
     state, _ = marked(opened, BetweenFrames(), 3, 7)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    answers = Cutting(state.source.cut).run(stage_of(opened), bool)
+    answers = Cutting(state.source.cut).run(loaded_of(opened), bool)
     next(answers)
     answers.close()
-    monkeypatch.setattr("app.looking.cutting.LARGEST", 1000)
+    monkeypatch.setattr("app.views.recording.jobs.cut.LARGEST", 1000)
     with pytest.raises(EtnetError, match="etnet cut"):
-        list(Cutting(state.source.cut).run(stage_of(opened), bool))
+        list(Cutting(state.source.cut).run(loaded_of(opened), bool))
     assert not list(tmp_path.iterdir())
     assert not [thread for thread in threading.enumerate() if thread.name == "cutting"]
 
@@ -159,7 +159,7 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
 
     async def story(viewer, browser):
         say = lambda text: browser.use(browser.widget("channel"), press(text))  # noqa: E731
-        asked = lambda: [study for _, slot, study in viewer.engine.studies if slot == SLOT]  # noqa: E731
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
         assert "Cut and download" not in browser.html()
         await say("source:from")
         await browser.until_shown("0.150 s … ")
@@ -170,9 +170,9 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
         await say("source:cut")
         await browser.until_shown("being cut out, 0%")
         await browser.until(lambda: asked() and asked()[-1] is not None)
-        study = asked()[-1]
-        found = list(study.run(stage_of(viewer.shelf.recordings["a"]), bool))[-1][0]
-        viewer.engine.tell(SLOT, Finding(study, found, 1.0, is_whole=True))
+        job = asked()[-1]
+        found = list(job.run(loaded_of(viewer.shelf.recordings["a"]), bool))[-1][0]
+        viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
         await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
         sent = [message["content"] for _, kind, message in browser.arrivals if kind == "FileTransferPart"]
         assert b"".join(sent) == found.content
@@ -186,10 +186,10 @@ def test_a_cut_that_failed_says_why_and_another_mark_takes_it_away():
     opened = recording()
     state, windows = marked(opened, BetweenFrames(), 3, 7)
     moment = Moment("a", BetweenFrames(), 7, opened, windows)
-    html = excerpt_html(moment, state.source, Finding(Cutting(state.source.cut), trouble="no <space>"))
+    html = excerpt_html(moment, state.source, JobResult(Cutting(state.source.cut), trouble="no <space>"))
     assert "no &lt;space&gt;" in html
     assert "From here" in html
-    state = reduce(state, MarkCut("to"), Limits(SENSOR, windows))
+    state = reduce(state, MarkTrim("to"), Limits(SENSOR, windows))
     assert "no &lt;space" not in excerpt_html(moment, state.source, None)
     for word in ("from", "to", "cut", "leave"):
         assert parse(press(f"source:{word}")) is not None

@@ -5,26 +5,26 @@ import time
 
 import numpy as np
 
-from .fakes import Inbox, hold, sequential, wish
+from .fakes import Inbox, hold, request, sequential
 
 
 def test_idle_time_prepares_what_comes_next(shelf, make_engine):
     engine, inbox = make_engine(prefetches=True), Inbox()
-    engine.request("ada", wish(3), inbox)
+    engine.request("ada", request(3), inbox)
     inbox.ready(3)
     deadline = time.monotonic() + 10
-    while (report := engine.cached(wish(3))) is None or not any(27 in held for held in report.frames):
+    while (report := engine.cached(request(3))) is None or not any(27 in held for held in report.frames):
         assert time.monotonic() < deadline
         time.sleep(0.01)
     again = Inbox()
-    engine.request("ada", wish(9), again)
+    engine.request("ada", request(9), again)
     assert np.array_equal(again.ready(9).frame, sequential(shelf, 9))
     assert len(again.replies) == 1  # at once: nothing had to be replayed
 
 
 def test_preparing_ends(shelf, make_engine):
     engine, inbox = make_engine(budget=64 << 10, prefetches=True), Inbox()
-    engine.request("ada", wish(3), inbox)
+    engine.request("ada", request(3), inbox)
     inbox.ready(3)
     steps, quiet_since, deadline = -1, time.monotonic(), time.monotonic() + 20
     while time.monotonic() < quiet_since + 0.5:
@@ -37,11 +37,11 @@ def test_preparing_ends(shelf, make_engine):
 def test_a_wish_interrupts_preparing(shelf, make_engine):
     engine, inbox = make_engine(prefetches=True), Inbox()
     model = shelf.model_instance
-    engine.request("ada", wish(0), inbox)
+    engine.request("ada", request(0), inbox)
     gate = hold(model)
     gate.release(1)  # for window 0 itself, unless it is done already
     assert model.entered.acquire(timeout=10)
-    engine.request("bob", wish(0), bob := Inbox())
+    engine.request("bob", request(0), bob := Inbox())
     gate.release(2)
     bob.ready(0)
 
@@ -54,12 +54,12 @@ def test_a_model_can_be_prepared_before_anybody_wishes(shelf, make_engine):
     engine.prepare("m", "fp32")
     assert loaded.wait(10)
     inbox = Inbox()
-    engine.request("ada", wish(0), inbox)
+    engine.request("ada", request(0), inbox)
     inbox.ready(0)
 
 
 def test_preparing_a_model_that_is_missing_harms_nobody(make_engine):
     engine, inbox = make_engine(), Inbox()
     engine.prepare("missing", "fp32")
-    engine.request("ada", wish(0), inbox)
+    engine.request("ada", request(0), inbox)
     inbox.ready(0)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from app.catalogue import Catalogue, suited_policy
+from app.catalogue.recordings import Catalogue, suited_policy
 from app.config import ViewerConfig
-from app.engine import Engine
-from app.wishes import Ready, Wish
+from app.engine.engine import Engine
+from app.engine.requests import FrameRequest, Ready
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.presets import build_model
 from etnet.reconstruction import window_voxel
@@ -58,7 +58,9 @@ def test_any_order_of_wishes_gives_the_frames_and_rows_of_a_plain_loop(catalogue
     for place, index in enumerate(order):
         asks = place % 3 == 0
         inbox = Inbox()  # a new one each time: some windows are asked for twice
-        engine.request("ada", Wish(entry.id, "etnet-half", "fp32", policy, int(index), wants_attention=asks), inbox)
+        engine.request(
+            "ada", FrameRequest(entry.id, "etnet-half", "fp32", policy, int(index), wants_attention=asks), inbox
+        )
         done = inbox.wait(lambda r, asks=asks: isinstance(r, Ready) and (r.attention is not None) >= asks, timeout=60)
         replies += [*inbox.of(Ready), done]
     threads = torch.get_num_threads()
@@ -67,10 +69,10 @@ def test_any_order_of_wishes_gives_the_frames_and_rows_of_a_plain_loop(catalogue
     steps = plain_loop(network, recording, policy, num, probe_at)
     torch.set_num_threads(threads)
     exact = [reply for reply in replies if reply.is_exact]
-    assert {reply.wish.index for reply in exact} == set(range(num))
+    assert {reply.request.index for reply in exact} == set(range(num))
     for reply in exact:
-        assert np.array_equal(reply.frame, steps[reply.wish.index].frame[0, 0].numpy())
-    shown = next(r for r in exact if r.wish.index == probe_at and r.attention is not None)
+        assert np.array_equal(reply.frame, steps[reply.request.index].frame[0, 0].numpy())
+    shown = next(r for r in exact if r.request.index == probe_at and r.attention is not None)
     for site in shown.attention.sites:
         for pixel in ((0, 0), (239, 179), (120, 90)):
             token = shown.attention.grid.token_at(*pixel)
@@ -84,6 +86,6 @@ def test_two_visitors_scrub_one_recording_alone(catalogue, engine):
     inboxes = {"ada": Inbox(), "bob": Inbox()}
     for index in range(4):
         for visitor, at in (("ada", index), ("bob", 5 - index)):
-            engine.request(visitor, Wish(entry.id, "etnet-half", "fp32", policy, at), inboxes[visitor])
+            engine.request(visitor, FrameRequest(entry.id, "etnet-half", "fp32", policy, at), inboxes[visitor])
     assert inboxes["ada"].ready(3, timeout=60).is_exact
     assert inboxes["bob"].ready(2, timeout=60).is_exact

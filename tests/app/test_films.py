@@ -5,19 +5,19 @@ import time
 import pytest
 import torch
 
-from app.catalogue import Catalogue, CatalogueError
+from app.catalogue.recordings import Catalogue, CatalogueError
+from app.catalogue.uploads import UploadLimits, Uploads
+from app.catalogue.videos import KEPT, Videos, VideoShown, film_id, split_id
+from app.catalogue.visitor import VisitorCatalogue
+from app.catalogue.visitor_uploads import MEGABYTE
 from app.config import ViewerConfig
-from app.desk import MEGABYTE
-from app.films import KEPT, Films, FilmShown, film_id, split_id
-from app.growth import grown_plan
-from app.held import Held
-from app.intents import KnowAs, PlayTo, SeeAnew, Seek, Settle
-from app.opening import Opened, Opening, Unopened
-from app.own_catalogue import OwnCatalogue
-from app.present.film import film_html
-from app.uploads import UploadLimits, Uploads
-from app.view_state import Limits, ViewState, reduce
-from app.wishes import Wish
+from app.engine.growth import grown_plan
+from app.engine.requests import FrameRequest
+from app.session.loader import RecordingLoader
+from app.session.opening import Opened, Opening, Unopened
+from app.state.intents import PlayTo, RenameRecording, ReopenRecording, Seek, Settle
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.recording.html.video import film_html
 from etnet.errors import EtnetError
 from etnet.playback.playback import Playback
 from etnet.simulation.growing import FEWEST_FRAMES
@@ -29,8 +29,8 @@ from tests.simulation.test_video import drifting, write
 
 @pytest.fixture
 def films(monkeypatch):
-    monkeypatch.setattr("app.films.QUIET", 0.01)
-    made = Films()
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 0.01)
+    made = Videos()
     made.forgotten = []
     made.forget = made.forgotten.append
     yield made
@@ -78,7 +78,7 @@ def test_a_film_is_one_for_all_who_look_and_ends_with_the_last(films, video):  #
 
 
 def test_another_setting_ends_the_simulation_before_it(films, tmp_path, monkeypatch):
-    monkeypatch.setattr("app.films.QUIET", 30.0)
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 30.0)
     path = write(tmp_path / "clip.mp4", drifting(6))
     films.begin("one", "v", path, "clip")
     first = films._films["v"]
@@ -104,17 +104,17 @@ def test_a_playback_that_has_grown_gives_what_one_of_the_whole_gives(stepped):  
     growing, go_on = stepped
     go_on(FEWEST_FRAMES)
     shelf = Shelf(recordings={"r": growing.wait(lambda: False)})
-    from app.studio import Studio
+    from app.engine.playbacks import PlaybackCache
 
-    studio = Studio(shelf, 64 * MEGABYTE, "cpu", None, shelf.load)
-    asked = Wish("r", "m", "fp32", BetweenFrames(), 1)
-    early = studio.stage(asked).playback.at(1).frame
-    before = len(studio.stage(asked).windows)
+    playbacks = PlaybackCache(shelf, 64 * MEGABYTE, "cpu", None, shelf.load)
+    asked = FrameRequest("r", "m", "fp32", BetweenFrames(), 1)
+    early = playbacks.loaded(asked).playback.at(1).frame
+    before = len(playbacks.loaded(asked).windows)
     go_on(6)
-    later = Wish("r", "m", "fp32", BetweenFrames(), before + 3)
-    stage = studio.stage(later)
-    assert len(stage.windows) == before + 6
-    frame = stage.playback.at(before + 3).frame
+    later = FrameRequest("r", "m", "fp32", BetweenFrames(), before + 3)
+    loaded = playbacks.loaded(later)
+    assert len(loaded.windows) == before + 6
+    frame = loaded.playback.at(before + 3).frame
     whole = Playback(CountingModel(), growing.recording(), plan_windows(growing.recording(), BetweenFrames()))
     assert torch.equal(frame, whole.at(before + 3).frame)
     assert torch.equal(early, whole.at(1).frame)
@@ -124,17 +124,17 @@ def test_a_page_goes_on_to_the_moment_that_was_asked_for_as_it_is_made(stepped):
     growing, go_on = stepped
     go_on(FEWEST_FRAMES)
     posted = []
-    held = Held(Watched(), posted.append)
+    held = RecordingLoader(Watched(), posted.append)
     recording = growing.wait(lambda: False)
     policy = BetweenFrames()
     stamp = 8 * 20_000
     state = ViewState("v", "m", policy=policy, moment=stamp)
-    from app.opening import Plan
+    from app.session.opening import Plan
 
     plan = Plan("v", policy)
     opened = Opened(plan, policy, recording, grown_plan(recording, policy))
     follows, trouble = held.take(opened, state)
-    assert (follows, trouble) == ((KnowAs("v"), Settle(policy)), "")
+    assert (follows, trouble) == ((RenameRecording("v"), Settle(policy)), "")
     for intent in follows:
         state = reduce(state, intent, held.limits(state))
     assert state.index == len(opened.windows) - 1
@@ -170,14 +170,14 @@ def test_another_setting_keeps_the_moment():
     windows = plan_windows(Shelf().recordings["r"], ByCount(50))
     limits = Limits(None, windows, 0)
     state = reduce(ViewState("v", "m", policy=ByCount(50)), Seek(7), limits)
-    anew = reduce(state, SeeAnew("v~0.50~0.20"), limits)
+    anew = reduce(state, ReopenRecording("v~0.50~0.20"), limits)
     assert anew.recording_id == "v~0.50~0.20"
     assert anew.moment == windows[7].t_stop
     assert reduce(anew, Settle(ByCount(50)), limits).index == 7
 
 
 def test_a_handed_over_video_is_its_visitors_alone_and_its_films_go_with_it(video, monkeypatch):  # noqa: F811
-    monkeypatch.setattr("app.films.QUIET", 0.01)
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 0.01)
     catalogue = Catalogue(ViewerConfig())
     uploads = Uploads(UploadLimits.of_megabytes(16), catalogue.take_in, catalogue.let_go)
     desk = uploads.desk()
@@ -185,7 +185,7 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_films_go_with_it(vide
     transfer = desk.begin("holiday.mp4", len(content))
     transfer.take(content)
     arrived = transfer.finish()
-    own, other = OwnCatalogue(catalogue, desk), OwnCatalogue(catalogue, uploads.desk())
+    own, other = VisitorCatalogue(catalogue, desk), VisitorCatalogue(catalogue, uploads.desk())
     anew = film_id(arrived, 0.4, 0.0)
     for one in (arrived, anew):
         with pytest.raises(CatalogueError):
@@ -205,17 +205,17 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_films_go_with_it(vide
 
 
 def test_the_delay_is_said_in_one_line():
-    html = film_html(FilmShown(0.2, 0.2, done=3.0, total=12.0, work=1.5, is_over=False))
+    html = film_html(VideoShown(0.2, 0.2, done=3.0, total=12.0, work=1.5, is_over=False))
     assert "3.0 of 12.0 s" in html
     assert "A second of video takes 1.5 s of work here" in html
     assert "the last 9.0 s take about 14 s more" in html
-    assert "all of its 12.0 s are there" in film_html(FilmShown(0.2, 0.2, 12.0, 12.0, 1.5, True))
+    assert "all of its 12.0 s are there" in film_html(VideoShown(0.2, 0.2, 12.0, 12.0, 1.5, True))
 
 
 def test_letters_of_another_recording_change_nothing():
-    held = Held(Watched(), print)
+    held = RecordingLoader(Watched(), print)
     state = ViewState("v", "m")
-    from app.opening import Plan
+    from app.session.opening import Plan
 
     for letter in (Opening(Plan("w", None), 0.5), Unopened(Plan("w", None), "no")):
         assert held.take(letter, state) == ((), "")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from app import folder
-from app.folder import recordings_in
+from app.catalogue import folder
+from app.catalogue.folder import recordings_in
 
 
 @pytest.fixture(name="watched")

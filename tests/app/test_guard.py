@@ -9,7 +9,7 @@ import viser
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from app.server import Address, AddressError, free_port, start_server
+from app.web.server import Address, AddressError, free_port, start_server
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_a_foreign_host_name_is_refused_before_the_token_is_looked_at(port):
 
 def test_no_path_leads_out_of_the_static_folder(port):
     for path in (
-        "/static/../app/guard.py",
+        "/static/../app/web/access.py",
         "/static/%2e%2e/%2e%2e/pyproject.toml",
         "/static/..%5c..%5cx",
         "/static/none",

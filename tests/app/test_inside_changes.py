@@ -7,28 +7,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app import inside_view
-from app import intents as ask
-from app.channel import parse
-from app.engine import Engine
-from app.inside_view import (
+from app.engine.engine import Engine
+from app.session.channel import parse
+from app.session.questions import questions
+from app.state import intents as ask
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.inspect import state as inside_view
+from app.views.inspect.state import (
     NO_CHANGE,
-    CarryOn,
     Change,
     Choose,
     EditEvents,
-    InsideView,
+    InspectState,
     OpenInspector,
+    Persist,
     PinMap,
     PinnedMap,
-    PutBack,
+    ResetAll,
     Switch,
     is_switched,
-    reduce_inside,
+    reduce_inspect,
     switched,
 )
-from app.questions import questions
-from app.view_state import Limits, ViewState, reduce
 from etnet.events.edit import EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
@@ -37,7 +37,7 @@ from etnet.windows import plan_windows
 from tests.inspection.small import small_playback
 
 from .fakes import Inbox, Shelf
-from .inside_stage import NONSENSE, PARTS, POLICY, QUERY, SITE, stage_of, wish_of
+from .inside_stage import NONSENSE, PARTS, POLICY, QUERY, SITE, loaded_of, request_of
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -59,8 +59,8 @@ ASKED = st.one_of(
     st.builds(OpenInspector, st.sampled_from(["none", "matters", "change", "evil"])),
     st.builds(Switch, st.sampled_from([*PARTS, *NONSENSE])),
     st.builds(EditEvents, st.sampled_from(["drop", "invert", "jitter", "jitter_by", "seed"]), st.floats()),
-    st.builds(CarryOn, st.booleans()),
-    st.builds(PutBack),
+    st.builds(Persist, st.booleans()),
+    st.builds(ResetAll),
     st.builds(Choose, st.sampled_from(["level", "channel", "gather", "change", "is_linear", "plane"]), st.text()),
     st.builds(PinMap, st.sampled_from(["a", "b"]), st.just(PinnedMap(SITE, 1, "mean", QUERY))),
 )
@@ -74,7 +74,7 @@ def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_al
         state = reduce(state, intent, Limits())
         assert 1 <= state.inside.level <= 3
         assert 0 <= state.inside.change.edit.drop <= 1
-    assert reduce(state, PutBack(), Limits()).inside.change == NO_CHANGE
+    assert reduce(state, ResetAll(), Limits()).inside.change == NO_CHANGE
     for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
         assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
 
@@ -82,9 +82,9 @@ def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_al
 @settings(deadline=None, max_examples=40)
 @given(st.lists(ASKED, max_size=20))
 def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(asked):
-    view = InsideView()
+    view = InspectState()
     for intent in asked:
-        view = reduce_inside(view, intent, 3)
+        view = reduce_inspect(view, intent, 3)
     assert inside_view.restored(inside_view.kept(view)) == view.anew()
 
 
@@ -95,7 +95,7 @@ def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(a
 )
 def test_a_strange_message_is_understood_or_left_alone_and_never_an_error(text):
     heard = parse(f"pick|inside:{text}|0.5|0.5|1")
-    assert heard is None or isinstance(heard, inside_view.InsideIntent)
+    assert heard is None or isinstance(heard, inside_view.InspectIntent)
 
 
 def test_a_pin_comes_back_from_its_button_as_it_was():
@@ -113,10 +113,10 @@ def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no
 
 
 def test_nothing_is_asked_of_the_model_while_every_inspector_is_closed():
-    state = ViewState(query=QUERY, inside=InsideView(change=Change(Intervention(without_context=True))))
-    assert not any(slot.startswith("inside") for slot in questions(state, wish_of(3)))
+    state = ViewState(query=QUERY, inside=InspectState(change=Change(Intervention(without_context=True))))
+    assert not any(slot.startswith("inside") for slot in questions(state, request_of(3)))
     opened = replace(state, inside=replace(state.inside, opened="matters"))
-    assert set(questions(opened, wish_of(3))) == {"inside.anatomy", "inside.matters", "inside.attended"}
+    assert set(questions(opened, request_of(3))) == {"inside.anatomy", "inside.matters", "inside.attended"}
 
 
 # ---- what the engine makes of a change ----
@@ -130,10 +130,10 @@ def engine():
     running.stop()
 
 
-def frame_of(engine, wish):
+def frame_of(engine, request):
     inbox = Inbox()
-    engine.request("ada", wish, inbox)
-    return inbox.ready(wish.index)
+    engine.request("ada", request, inbox)
+    return inbox.ready(request.index)
 
 
 CARRIED = [
@@ -148,9 +148,9 @@ CARRIED = [
 def test_a_changed_frame_is_the_one_of_a_playback_that_branches_there_and_the_original_comes_back(
     engine, change, since
 ):
-    before = frame_of(engine, wish_of(5))
-    changed = frame_of(engine, wish_of(5, since=since, **change))
-    after = frame_of(engine, wish_of(5))
+    before = frame_of(engine, request_of(5))
+    changed = frame_of(engine, request_of(5, since=since, **change))
+    after = frame_of(engine, request_of(5))
     alone = Playback(build_model("tiny"), small_playback().recording, plan_windows(small_playback().recording, POLICY))
     branch = alone.branch(5 if since is None else since, **change)
     assert np.array_equal(changed.frame, branch.at(5).frame[0, 0].numpy())
@@ -162,10 +162,10 @@ def test_a_changed_frame_is_the_one_of_a_playback_that_branches_there_and_the_or
 
 
 def test_a_branch_takes_its_bytes_from_its_playbacks_share():
-    stage = stage_of()
-    stage.budget_bytes = 1 << 20
-    branch, _ = stage.playing(wish_of(5, edit=EventEdit(drop=0.5)))
-    assert stage.playback.budget_bytes + branch.budget_bytes == stage.budget_bytes == 1 << 20
-    assert stage.playing(wish_of(5, edit=EventEdit(drop=0.5)))[0] is branch
-    stage.playing(wish_of(5, edit=EventEdit(drop=0.6)))
-    assert stage.budget_bytes == 1 << 20
+    loaded = loaded_of()
+    loaded.budget_bytes = 1 << 20
+    branch, _ = loaded.playing(request_of(5, edit=EventEdit(drop=0.5)))
+    assert loaded.playback.budget_bytes + branch.budget_bytes == loaded.budget_bytes == 1 << 20
+    assert loaded.playing(request_of(5, edit=EventEdit(drop=0.5)))[0] is branch
+    loaded.playing(request_of(5, edit=EventEdit(drop=0.6)))
+    assert loaded.budget_bytes == 1 << 20

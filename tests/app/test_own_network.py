@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.catalogue import Catalogue
+from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
-from app.engine import Engine
-from app.wishes import Wish
+from app.engine.engine import Engine
+from app.engine.requests import FrameRequest
 from etnet.errors import ModelError, WeightsError
 from etnet.nets.own import load_own
 from etnet.nets.presets import build_model
@@ -39,9 +39,9 @@ def test_the_documented_function_is_the_main_network_of_the_viewer(own, tmp_path
     engine, inbox = Engine(catalogue, 64 << 20, threads=1, prefetches=False), Inbox()
     try:
         ids = catalogue.entries()[0].id, catalogue.models()[0].id
-        engine.request("ada", Wish(*ids, "fp32", ByCount(100), 9), inbox)
+        engine.request("ada", FrameRequest(*ids, "fp32", ByCount(100), 9), inbox)
         late = inbox.ready(9, timeout=60)
-        engine.request("ada", Wish(*ids, "fp32", ByCount(100), 4), inbox)
+        engine.request("ada", FrameRequest(*ids, "fp32", ByCount(100), 4), inbox)
         early = inbox.ready(4, timeout=60)
     finally:
         engine.stop()

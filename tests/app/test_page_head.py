@@ -8,7 +8,7 @@ import pytest
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-from app.page_head import PageHead, head_html
+from app.web.index_page import IndexPage, head_html
 from tests.app.stand_ins import served
 
 INDEX = (
@@ -24,7 +24,7 @@ def answer(body, kind="text/html; charset=utf-8", packing="identity", status=200
 @pytest.mark.parametrize("packing", ["gzip", "identity"])
 def test_title_and_icon_are_ours_and_the_rest_of_the_page_is_as_it_was(packing):
     packed = gzip.compress(INDEX) if packing == "gzip" else INDEX
-    dressed = PageHead().dressed(answer(packed, packing=packing))
+    dressed = IndexPage().dressed(answer(packed, packing=packing))
     body = gzip.decompress(dressed.body) if packing == "gzip" else dressed.body
     assert body.count(b"<title>") == body.count(b'rel="icon"') == 1
     assert b"ET-Net viewer" in body
@@ -36,7 +36,7 @@ def test_title_and_icon_are_ours_and_the_rest_of_the_page_is_as_it_was(packing):
 
 def test_what_is_no_page_goes_out_as_it_is():
     for plain in (answer(b"\x89PNG", "image/png"), answer(b"no", status=404), answer(b"?", packing="br")):
-        assert PageHead().dressed(plain) is plain
+        assert IndexPage().dressed(plain) is plain
 
 
 def test_only_a_public_address_has_a_picture_and_it_cannot_break_out_of_its_attribute():

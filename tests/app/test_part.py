@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.catalogue import Catalogue, CatalogueError
+from app.catalogue.part_id import known_as, whole_id
+from app.catalogue.recordings import Catalogue, CatalogueError
 from app.config import ViewerConfig
-from app.opening import Opened, Opener, Plan
-from app.part_ids import known_as, whole_id
-from app.present import Moment, curve_of
+from app.html.moment import Moment
+from app.session.opening import Opened, Opener, Plan
+from app.views.timeline.html import curve_of
 from etnet.events.formats.prophesee import index as raw_index
 from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.formats.prophesee.evt2_evt3 import EVT
@@ -44,7 +45,7 @@ def large(tmp_path, monkeypatch):
     monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0)
     monkeypatch.setattr(raw_index, "BLOCK_BYTES", 1 << 13)
-    monkeypatch.setattr("app.catalogue.OPENS_WITHIN", 0.0)
+    monkeypatch.setattr("app.catalogue.recordings.OPENS_WITHIN", 0.0)
     events = make_events(60_000, duration=30_000_000)
     (tmp_path / "data").mkdir()
     write_recording(recording_of_events(events), tmp_path / "data" / "large.raw")
@@ -108,7 +109,7 @@ def test_a_page_with_a_part_says_so_and_shows_the_whole_by_itself_at_the_same_wi
             assert "only its beginning" not in browser.html()
             assert browser.widgets[browser.widget("Recording")]["value"] == "recording a"
             await browser.until_shown("Reconstruction of window 3")
-            return [wish.recording_id for _, wish in running.engine.wishes]
+            return [request.recording_id for _, request in running.engine.requests]
 
     with served() as running:
         running.shelf.open = lambda *_: whole if part.growth.is_over else part

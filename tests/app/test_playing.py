@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from app import intents as ask
-from app.playing import Player
-from app.view_state import Limits, ViewState, reduce
+from app.session.player import Player
+from app.state import intents as ask
+from app.state.view_state import Limits, ViewState, reduce
 from etnet.events.events import Sensor
 from etnet.windows import Window
 

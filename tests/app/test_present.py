@@ -3,15 +3,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app import present
-from app.inside_view import InsideView
-from app.panels.base import Page
-from app.panels.pictures import reconstruction as reconstruction_panel
-from app.present.words import seconds
-from app.show_view import ShowView
-from app.stage import picture_of
-from app.view_state import ViewState
-from app.wishes import Failed, Ready, Working
+from app.engine.requests import Failed, Ready, Working
+from app.html import pictures
+from app.html.moment import ARRAYS, PICTURES, Moment
+from app.html.pictures import (
+    Tones,
+    camera_frame_html,
+    camera_image,
+    event_image_html,
+    event_picture,
+    reconstruction_html,
+    reconstruction_image,
+)
+from app.html.provenance import ModelFacts, provenance_html
+from app.html.units import seconds
+from app.state.view_state import ViewState
+from app.views.attention.html import grid
+from app.views.attention.html.grid import attention_html, attention_image, sites_behind
+from app.views.attention.html.maps import AttentionLook
+from app.views.demo.state import DemoState
+from app.views.inspect.state import InspectState
+from app.views.reconstruction.panel import reconstruction as reconstruction_panel
+from app.views.scene.points import event_cloud
+from app.views.scene.scene import picture_of
+from app.views.timeline.html import curve_of, now_html, timeline_html, timeline_key_html
+from app.views.view import Page
+from app.views.voxels.html import voxel_html
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, recording_of_events
 from etnet.nets.attention import AttentionProbe
@@ -21,14 +38,14 @@ from etnet.playback.playback import Playback
 from etnet.windows import ByDuration, plan_windows
 
 from .checked_html import PICK, Checker
-from .fakes import POLICY, recording_of, wish
+from .fakes import POLICY, recording_of, request
 
 EVIL = '<img src=x onerror="alert(1)">'
 
 
 @pytest.fixture(autouse=True)
 def nothing_shared(monkeypatch):
-    for store in (present.PICTURES, present.ARRAYS):
+    for store in (PICTURES, ARRAYS):
         store._values.clear()
 
 
@@ -42,7 +59,7 @@ def recording():
 
 @pytest.fixture
 def moment(recording):
-    return present.Moment("r", POLICY, 4, recording, plan_windows(recording, POLICY))
+    return Moment("r", POLICY, 4, recording, plan_windows(recording, POLICY))
 
 
 @pytest.fixture(scope="module")
@@ -51,23 +68,23 @@ def ready(recording):
     playback = Playback(model, recording, plan_windows(recording, POLICY))
     step = playback.at(4, AttentionProbe())
     frame = step.frame[0, 0].numpy()
-    return Ready(wish(4), frame, step.attention, 12.0, True, False, False, contract_of(model), 4)
+    return Ready(request(4), frame, step.attention, 12.0, True, False, False, contract_of(model), 4)
 
 
-LOOK = present.AttentionLook((20, 30))
-TONES = present.Tones()
+LOOK = AttentionLook((20, 30))
+TONES = Tones()
 
 
 def test_the_curve_of_a_plan_that_grows_grows_with_it(recording):
     windows = plan_windows(recording, POLICY)
-    part, whole = (present.Moment("film", POLICY, 1, recording, some) for some in (windows[:3], windows))
-    assert present.curve_of(part).indices[-1] == 2
-    assert present.curve_of(whole).indices[-1] == len(windows) - 1
-    assert present.timeline_html(part) != present.timeline_html(whole)
+    part, whole = (Moment("film", POLICY, 1, recording, some) for some in (windows[:3], windows))
+    assert curve_of(part).indices[-1] == 2
+    assert curve_of(whole).indices[-1] == len(windows) - 1
+    assert timeline_html(part) != timeline_html(whole)
 
 
 def test_reconstruction_shows_the_frame_and_what_may_be_claimed_of_it(ready):
-    page = Checker(present.reconstruction_html(ready, tones=TONES, query=(10, 5), on_pick=PICK))
+    page = Checker(reconstruction_html(ready, tones=TONES, query=(10, 5), on_pick=PICK))
     assert page.keys == ["pixel"]
     assert "exact" in page.text
     assert len(page.by_testid("chip-exact")) == 1
@@ -80,21 +97,21 @@ def test_reconstruction_shows_the_frame_and_what_may_be_claimed_of_it(ready):
     ("exact", "approximate", "says"), [(False, True, "approximate"), (False, False, "not the plain")]
 )
 def test_what_is_not_exact_never_says_so(ready, exact, approximate, says):
-    other = Ready(ready.wish, ready.frame, None, 1.0, exact, approximate, False, ready.contract, 4)
-    page = Checker(present.reconstruction_html(other, tones=TONES))
+    other = Ready(ready.request, ready.frame, None, 1.0, exact, approximate, False, ready.contract, 4)
+    page = Checker(reconstruction_html(other, tones=TONES))
     assert page.by_testid("chip-exact") == []
     assert says in page.text
 
 
 def test_a_panel_that_lags_is_dimmed_and_says_what_it_shows_and_computes(ready):
-    working = Working(wish(23), 14, 19, "replaying")
-    page = Checker(present.reconstruction_html(ready, tones=TONES, wanted=23, working=working))
+    working = Working(request(23), 14, 19, "replaying")
+    page = Checker(reconstruction_html(ready, tones=TONES, wanted=23, working=working))
     assert "showing 4, computing 23 (14 of 19)" in page.text
     assert any(attrs.get("class") == "et-lags" for _, attrs in page.tags)
 
 
 def test_where_every_image_is_waited_for_the_one_on_show_is_not_dimmed_while_it_plays(ready):
-    at = ready.wish.index + 1
+    at = ready.request.index + 1
     for is_playing, waits, lags in ((True, True, False), (True, False, True), (False, True, True)):
         page = Page(ViewState(index=at, is_playing=is_playing, waits_for_frames=waits), ready=ready)
         assert page.lags is lags
@@ -104,79 +121,79 @@ def test_where_every_image_is_waited_for_the_one_on_show_is_not_dimmed_while_it_
 
 def test_on_a_phone_the_demos_scene_shows_what_is_spoken_of(moment, ready):
     pages = {
-        act: Page(ViewState(workspace="demo", index=4, show=ShowView(True, act)), moment, ready, look=look)
+        act: Page(ViewState(workspace="demo", index=4, show=DemoState(True, act)), moment, ready, look=look)
         for act, look in (("events", None), ("image", None), ("places", LOOK))
     }
-    events, _ = present.event_picture(moment, ViewState().event_image)
-    grey = np.repeat(present.reconstruction_image(ready, TONES)[..., None], 3, axis=2)
+    events, _ = event_picture(moment, ViewState().event_image)
+    grey = np.repeat(reconstruction_image(ready, TONES)[..., None], 3, axis=2)
     assert np.array_equal(picture_of(pages["events"], True)[1], events)
     assert np.array_equal(picture_of(pages["image"], True)[1], grey)
-    places = present.attention_image(ready, LOOK, ViewState().site)
+    places = attention_image(ready, LOOK, ViewState().site)
     assert np.array_equal(picture_of(pages["places"], True)[1], places)
     assert all(np.array_equal(picture_of(page, False)[1], grey) for page in pages.values())
 
 
 def test_nothing_lags_once_the_wanted_frame_is_there(ready):
-    page = Checker(present.reconstruction_html(ready, tones=TONES, wanted=4))
+    page = Checker(reconstruction_html(ready, tones=TONES, wanted=4))
     assert page.by_testid("lag") == []
 
 
 def test_without_a_frame_the_panel_explains_itself_and_tells_of_loading():
-    working = Working(wish(0), 0, 0, "loading the network")
-    page = Checker(present.reconstruction_html(None, tones=TONES, wanted=0, working=working))
+    working = Working(request(0), 0, 0, "loading the network")
+    page = Checker(reconstruction_html(None, tones=TONES, wanted=0, working=working))
     assert "No image yet" in page.text
     assert "loading the network" in page.text
 
 
 def test_an_error_is_shown_as_text_and_never_as_markup():
-    page = Checker(present.reconstruction_html(None, tones=TONES, failed=Failed(wish(0), EVIL)))
+    page = Checker(reconstruction_html(None, tones=TONES, failed=Failed(request(0), EVIL)))
     assert page.by_testid("failed")
     assert "onerror" in page.text
     assert not any("onerror" in attrs for _, attrs in page.tags)
 
 
 def test_a_hostile_file_name_stays_text(moment, ready):
-    page = Checker(present.provenance_html(moment, present.ModelFacts(EVIL), ready, 100.0))
+    page = Checker(provenance_html(moment, ModelFacts(EVIL), ready, 100.0))
     assert page.text.count("onerror") == 2
     assert not any(tag == "img" for tag, _ in page.tags)
 
 
 def test_the_camera_frame_is_the_nearest_one(moment):
-    grey, stamp = present.camera_image(moment, TONES)
+    grey, stamp = camera_image(moment, TONES)
     assert grey.shape == (37, 50)
     assert abs(stamp - moment.window.t_stop) <= 10_000
-    page = Checker(present.camera_frame_html(moment, tones=TONES, on_pick=PICK))
+    page = Checker(camera_frame_html(moment, tones=TONES, on_pick=PICK))
     assert page.keys == ["pixel"]
     assert "this window ends" in page.text
 
 
 def test_a_recording_without_a_camera_says_so():
     bare = recording_of(5)
-    moment = present.Moment("bare", POLICY, 0, bare, plan_windows(bare, POLICY))
-    assert present.camera_image(moment, TONES) is None
-    assert "No camera frame in this recording" in Checker(present.camera_frame_html(moment, tones=TONES)).text
+    moment = Moment("bare", POLICY, 0, bare, plan_windows(bare, POLICY))
+    assert camera_image(moment, TONES) is None
+    assert "No camera frame in this recording" in Checker(camera_frame_html(moment, tones=TONES)).text
 
 
 @pytest.mark.parametrize("style_name", ["polarity", "count", "time surface", "decay"])
 def test_the_event_image_counts_both_polarities(moment, style_name):
-    page = Checker(present.event_image_html(moment, style_name, on_pick=PICK))
+    page = Checker(event_image_html(moment, style_name, on_pick=PICK))
     num_on = int((moment.events.p > 0).sum())
     assert f"brighter (ON) {num_on}" in page.text
     assert f"darker (OFF) {50 - num_on}" in page.text
-    image, limit = present.event_picture(moment, style_name)
+    image, limit = event_picture(moment, style_name)
     assert image.shape == (37, 50, 3)
     assert limit > 0
 
 
 def test_voxel_tiles_are_five_in_a_row_with_a_legend_in_numbers(moment):
-    page = Checker(present.voxel_html(moment, on_pick=PICK))
+    page = Checker(voxel_html(moment, on_pick=PICK))
     assert page.keys == [f"bin:{i}" for i in range(5)]
     assert "≥ +" in page.text
     assert "38–62 %" in page.text
 
 
 def test_an_opened_bin_is_shown_large_and_can_be_closed(moment):
-    page = Checker(present.voxel_html(moment, 2, on_pick=PICK))
+    page = Checker(voxel_html(moment, 2, on_pick=PICK))
     assert page.keys[-1] == "bin:"
     images = [attrs for tag, attrs in page.tags if tag == "img"]
     assert images[-1]["width"] == "50"
@@ -193,15 +210,15 @@ def test_an_empty_window_explains_itself():
         )
     )
     windows = plan_windows(nothing, ByDuration(10_000))
-    moment = present.Moment("nothing", ByDuration(10_000), 2, nothing, windows)
-    assert "given zeros" in Checker(present.voxel_html(moment)).text
-    assert "No pixel reported" in Checker(present.event_image_html(moment, "polarity")).text
-    assert len(present.event_cloud(moment, 100).positions) == 0
-    Checker(present.timeline_html(moment))
+    moment = Moment("nothing", ByDuration(10_000), 2, nothing, windows)
+    assert "given zeros" in Checker(voxel_html(moment)).text
+    assert "No pixel reported" in Checker(event_image_html(moment, "polarity")).text
+    assert len(event_cloud(moment, 100).positions) == 0
+    Checker(timeline_html(moment))
 
 
 def test_the_attention_grid_has_every_site_once_in_its_row_and_column(ready):
-    page = Checker(present.attention_html(ready, LOOK, on_pick=PICK))
+    page = Checker(attention_html(ready, LOOK, on_pick=PICK))
     assert sorted(page.keys) == sorted(f"site:{name}" for name in ready.attention.sites)
     for name in ready.attention.sites:
         assert len(page.by_testid(name)) == 1
@@ -213,7 +230,7 @@ def test_the_attention_grid_has_every_site_once_in_its_row_and_column(ready):
 
 
 def test_the_query_is_marked_on_every_map_at_its_token(ready):
-    page = Checker(present.attention_html(ready, LOOK))
+    page = Checker(attention_html(ready, LOOK))
     marks = page.by_testid("query")
     grid = ready.attention.grid
     row, column = divmod(grid.token_at(20, 30), grid.columns)
@@ -225,7 +242,7 @@ def test_the_query_is_marked_on_every_map_at_its_token(ready):
 
 def test_an_opened_site_shows_its_heads_and_the_large_map_in_sensor_pixels(ready):
     name = "scale2.decoder.0.cross"
-    page = Checker(present.attention_html(ready, LOOK, opened=name, on_pick=PICK))
+    page = Checker(attention_html(ready, LOOK, opened=name, on_pick=PICK))
     heads = ready.attention.queries[name].shape[0]
     assert page.keys == ["heads:close", "head:mean", "pixel", *[f"head:{i}" for i in range(heads)]]
     assert "cross-attention: 1/4 reads 1/8" in page.text
@@ -239,19 +256,19 @@ def test_an_opened_site_shows_its_heads_and_the_large_map_in_sensor_pixels(ready
 )
 def test_missing_attention_explains_itself(ready, look, has_attention, says):
     attention = ready.attention if has_attention else None
-    other = Ready(ready.wish, ready.frame, attention, 1.0, True, False, False, ready.contract, 4)
-    assert says in Checker(present.attention_html(other, look)).text
+    other = Ready(ready.request, ready.frame, attention, 1.0, True, False, False, ready.contract, 4)
+    assert says in Checker(attention_html(other, look)).text
 
 
 def test_the_attention_image_is_the_networks_own_row(ready):
     name = ready.attention.sites[0]
-    image = present.attention_image(ready, LOOK, name)
+    image = attention_image(ready, LOOK, name)
     assert image.shape == (37, 50, 3)
-    assert present.attention_image(ready, LOOK, "scale9.encoder.0.self") is None
+    assert attention_image(ready, LOOK, "scale9.encoder.0.self") is None
 
 
 def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(ready):
-    behind, asked = present.attention.sites_behind, ViewState(inside=InsideView(shows_planes=True))
+    behind, asked = sites_behind, ViewState(inside=InspectState(shows_planes=True))
     state = replace(asked, site="scale2.encoder.0.self")
     assert behind(ready, LOOK, state) == tuple(f"scale{scale}.encoder.0.self" for scale in (1, 2, 3))
     for unseen in (ViewState(), replace(asked, camera="front"), replace(asked, workspace="demo")):
@@ -260,26 +277,26 @@ def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(ready
 
 
 def test_attention_that_tells_little_says_so(ready, monkeypatch):
-    says = present.attention_html(ready, LOOK)
+    says = attention_html(ready, LOOK)
     assert "tells little" in says  # a fresh network reads all places alike
-    present.PICTURES._values.clear()
-    monkeypatch.setattr(present.attention, "_ALIKE", 0.5)
-    assert "tells little" not in present.attention_html(ready, LOOK)
+    PICTURES._values.clear()
+    monkeypatch.setattr(grid, "_ALIKE", 0.5)
+    assert "tells little" not in attention_html(ready, LOOK)
 
 
 def test_one_head_and_the_mean_differ_in_their_pictures(ready):
     name = ready.attention.sites[0]
-    first = present.AttentionLook((20, 30), head=0)
+    first = AttentionLook((20, 30), head=0)
     rows = ready.attention.rows(name, [ready.attention.grid.token_at(20, 30)])[:, 0].numpy()
     assert not np.allclose(rows[0], rows.mean(0))
-    html = [present.attention_html(ready, look, opened=name) for look in (LOOK, first)]
+    html = [attention_html(ready, look, opened=name) for look in (LOOK, first)]
     assert "mean of all heads" in html[0]
     assert "head 1</span>" in html[1]
 
 
 def test_the_timeline_runs_over_windows_as_the_slider_does(moment):
     cached = type("Cached", (), {"frames": (range(2, 4),), "states": (range(6),)})()
-    page = Checker(present.timeline_html(moment, cached, on_pick=PICK))
+    page = Checker(timeline_html(moment, cached, on_pick=PICK))
     assert page.keys == ["time"]
     boxes = [attrs for tag, attrs in page.tags if tag == "rect"]
     unit = 1000 / 11
@@ -291,23 +308,23 @@ def test_the_timeline_runs_over_windows_as_the_slider_does(moment):
 
 
 def test_the_moment_is_told_in_numbers(moment):
-    page = Checker(present.now_html(moment))
+    page = Checker(now_html(moment))
     assert "window 4 of 12" in page.text
     assert "50 events" in page.text
     assert f"{moment.seconds[1]:.3f} s" in page.text
-    Checker(present.timeline_key_html(moment))
+    Checker(timeline_key_html(moment))
 
 
 def test_provenance_names_everything(moment, ready):
-    facts = present.ModelFacts("etnet-half, first weights", (0.1, 1.0))
-    page = Checker(present.provenance_html(moment, facts, ready, 210.0))
+    facts = ModelFacts("etnet-half, first weights", (0.1, 1.0))
+    page = Checker(provenance_html(moment, facts, ready, 210.0))
     for said in ("50×37 px", "every 50 events", "etnet-half, first weights", "fp32, cpu", "210 ms", "warm", "exact"):
         assert said in page.text
     assert "fewer than trained on" in page.text  # 50 events on 1850 pixels
 
 
 def test_the_cloud_is_thinned_evenly_and_newest_events_have_age_zero(moment):
-    whole, thin = present.event_cloud(moment, 1000), present.event_cloud(moment, 10)
+    whole, thin = event_cloud(moment, 1000), event_cloud(moment, 10)
     assert len(whole.positions) == 50
     assert not whole.is_thinned
     assert len(thin.positions) == len(thin.colours) == 10
@@ -318,23 +335,23 @@ def test_the_cloud_is_thinned_evenly_and_newest_events_have_age_zero(moment):
 
 
 def test_pictures_are_made_once_for_all_visitors(moment, ready, monkeypatch):
-    first = present.event_image_html(moment, "polarity", on_pick=PICK)
-    again = present.Moment("r", POLICY, 4, moment.recording, moment.windows)
-    monkeypatch.setattr(present.pictures, "event_image", None)
-    assert present.event_image_html(again, "polarity", on_pick=PICK) is first
+    first = event_image_html(moment, "polarity", on_pick=PICK)
+    again = Moment("r", POLICY, 4, moment.recording, moment.windows)
+    monkeypatch.setattr(pictures, "event_image", None)
+    assert event_image_html(again, "polarity", on_pick=PICK) is first
 
 
 def test_another_moment_is_another_picture(moment):
-    other = present.Moment("r", POLICY, 5, moment.recording, moment.windows)
-    assert present.event_image_html(moment, "polarity") != present.event_image_html(other, "polarity")
+    other = Moment("r", POLICY, 5, moment.recording, moment.windows)
+    assert event_image_html(moment, "polarity") != event_image_html(other, "polarity")
 
 
 def test_looks_follow_the_view_state():
     state = ViewState(query=(3, 4), head=2, overlay=0.5, map_range="per map", tone="robust")
-    look = present.AttentionLook.of(state, False)
+    look = AttentionLook.of(state, False)
     assert (look.query, look.head, look.opacity, look.map_range) == ((3, 4), 2, 0.5, "per map")
-    assert look.tones == present.Tones("robust", False)
-    assert present.AttentionLook.of(ViewState(), True) is None
+    assert look.tones == Tones("robust", False)
+    assert AttentionLook.of(ViewState(), True) is None
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.compare_view import CompareView, Lane
-from app.present import Moment, Tones
-from app.present.fitness import fitness_html
-from app.present.lane import LaneShown, Truth
-from app.present.lanes import box_of, lanes_html
-from app.present.provenance import ModelFacts
-from app.present.scores import Series, curves_over, scores_html, trace
-from app.studies import Finding
-from app.wishes import Ready, Wish
+from app.engine.jobs import JobResult
+from app.engine.requests import FrameRequest, Ready
+from app.html.moment import Moment
+from app.html.pictures import Tones
+from app.html.provenance import ModelFacts
+from app.views.compare.html.lane import LaneShown, Truth
+from app.views.compare.html.lanes import box_of, lanes_html
+from app.views.compare.html.scores import Series, curves_over, scores_html, trace
+from app.views.compare.state import CompareState, Lane
+from app.views.recording.html.fitness import fitness_html
 from etnet.events.fitness import Activity, Fitness, Lag, Thresholds
 from etnet.windows import BetweenFrames, plan_windows
 from tests.app.stand_ins import CONTRACT, SENSOR, recording
@@ -27,14 +28,14 @@ def moment():
 
 
 def lane(moment, number, level=0.5, lag=0, values=None):
-    wish = Wish("a", f"m{number}", "fp32", moment.policy, 7)
+    request = FrameRequest("a", f"m{number}", "fp32", moment.policy, 7)
     frame = np.full((SENSOR.height, SENSOR.width), level, np.float32)
-    ready = Ready(wish, frame, None, 3.0, True, False, False, CONTRACT, 7)
+    ready = Ready(request, frame, None, 3.0, True, False, False, CONTRACT, 7)
     truth = Truth(8, lag)
     return LaneShown(
         number,
         Lane(),
-        wish,
+        request,
         moment.window,
         30,
         f"network {number}",
@@ -50,15 +51,15 @@ def lane(moment, number, level=0.5, lag=0, values=None):
 def test_the_best_value_is_marked_once_all_lanes_have_one(moment):
     numbers = [{"mse": 0.02, "ssim": 0.6, "lpips": 0.3}, {"mse": 0.01, "ssim": 0.5, "lpips": 0.3}]
     lanes = [lane(moment, i, values=values) for i, values in enumerate(numbers)]
-    html = lanes_html(moment, lanes, CompareView("lanes"))
+    html = lanes_html(moment, lanes, CompareState("lanes"))
     marked = re.findall(r'class="et-exact" title="best of these lanes">([\d.]+)', html)
     assert marked == ["0.600", "0.0100"]
     waiting = [lanes[0], replace(lanes[1], values=None)]
-    assert "best of these" not in lanes_html(moment, waiting, CompareView("lanes"))
+    assert "best of these" not in lanes_html(moment, waiting, CompareState("lanes"))
 
 
 def test_equal_frames_are_called_equal_and_others_by_how_far_they_are_apart(moment):
-    view = CompareView("lanes", (Lane(),), sight="difference")
+    view = CompareState("lanes", (Lane(),), sight="difference")
     same = lanes_html(moment, [lane(moment, 0), lane(moment, 1)], view)
     assert "the same, bit for bit" in same
     other = lanes_html(moment, [lane(moment, 0), lane(moment, 1, 0.75)], view)
@@ -68,15 +69,15 @@ def test_equal_frames_are_called_equal_and_others_by_how_far_they_are_apart(mome
 def test_a_camera_frame_that_is_not_of_this_time_is_said_to_be(moment):
     late = lane(moment, 0, lag=-12_000, values={"mse": 0.1, "ssim": 0.5, "lpips": 0.5})
     assert "12 ms before the window ends: motion between counts as error" in lanes_html(
-        moment, [late], CompareView("lanes")
+        moment, [late], CompareState("lanes")
     )
     on_time = lane(moment, 0, lag=400, values={"mse": 0.1, "ssim": 0.5, "lpips": 0.5})
-    assert "motion between" not in lanes_html(moment, [on_time], CompareView("lanes"))
+    assert "motion between" not in lanes_html(moment, [on_time], CompareState("lanes"))
 
 
 def test_a_frame_of_another_window_is_dimmed_and_said(moment):
     shown = lane(moment, 0)
-    html = lanes_html(moment, [replace(shown, wish=replace(shown.wish, index=9))], CompareView("lanes"))
+    html = lanes_html(moment, [replace(shown, request=replace(shown.request, index=9))], CompareState("lanes"))
     assert "et-lags" in html
     assert "showing 7, computing 9" in html
 
@@ -101,7 +102,7 @@ def series(moment, number, values, share=1.0):
 
 
 def test_the_worst_frames_lead_to_their_moments(moment):
-    view = CompareView("scores")
+    view = CompareState("scores")
     html = scores_html(moment, [series(moment, 0, [0.3, 0.9, np.nan, 0.5])], view, on_pick='data-pick="1"')
     start = moment.recording.span.start
     seconds = [f"goto:{(moment.windows[i].t_stop - start) / 1e6:.6f}" for i in (1, 3, 0)]
@@ -121,16 +122,16 @@ def test_the_curves_over_the_timeline_stand_at_their_windows(moment):
 
 
 def test_a_measure_that_cannot_be_had_says_where_it_can(moment):
-    html = scores_html(moment, [series(moment, 0, [0.3])], CompareView("scores", measure="temporal"))
+    html = scores_html(moment, [series(moment, 0, [0.3])], CompareState("scores", measure="temporal"))
     assert "replay the cut" in html
 
 
 def test_what_the_card_does_not_say_is_not_guessed_and_what_it_says_is_judged(moment):
     activity = Activity(1000, 0.5, 0.2, 900.0)
     found = Fitness(activity, (), Lag(7000, 0.7, 0.4), Thresholds(0.3, 0.3, 0.8))
-    finding = Finding(None, found, 1.0, True)
+    result = JobResult(None, found, 1.0, True)
     model = ModelFacts("net", None, {"contrast_threshold": [0.5, 1.0], "noise_rate": [0.1, 1], "refractory_us": "fast"})
-    html = fitness_html(moment, finding, model)
+    html = fitness_html(moment, result, model)
     rows = dict(re.findall(r'data-testid="fit-([^"]+)">(.*?)</tr>', html))
     assert "outside" in rows["contrast threshold"]
     assert "inside" in rows["noise"]

@@ -4,18 +4,20 @@ import re
 
 import pytest
 
-from app import present
-from app.present import style, words
-from app.present.attention import Site
-from app.present.html import empty, picture
-from app.present.shared import Shared
+from app.engine.byte_cache import ByteCache
+from app.html import style
+from app.html import units as words
+from app.html.elements import empty, picture
+from app.html.style import STYLE
+from app.views.attention.html.grid import Site
+from app.views.attention.html.maps import site_words
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration
 
 from .checked_html import PICK
 
 
 def test_the_store_never_grows_past_its_budget():
-    store = Shared(10_000)
+    store = ByteCache(10_000)
     for i in range(100):
         assert store.text(i, lambda i=i: str(i) * 500).startswith(str(i))
     assert store.nbytes <= 10_000
@@ -25,7 +27,7 @@ def test_the_store_never_grows_past_its_budget():
 
 
 def test_the_store_weighs_a_text_by_the_memory_it_takes():
-    plain, with_a_dash = Shared(100_000), Shared(100_000)
+    plain, with_a_dash = ByteCache(100_000), ByteCache(100_000)
     plain.text(0, lambda: "x" * 10_000)
     with_a_dash.text(0, lambda: "x" * 9_999 + "–")
     assert 10_000 <= plain.nbytes < 10_600
@@ -48,10 +50,10 @@ def test_text_has_a_contrast_of_seven_to_one(colour, ground):
 
 def test_the_style_sheet_knows_three_sizes_of_type():
     assert style.SIZES == (13, 15, 20)
-    literal = re.findall(r"font-size:(\d+)px", present.STYLE)
+    literal = re.findall(r"font-size:(\d+)px", STYLE)
     assert literal == []
-    assert present.STYLE.count("{") == present.STYLE.count("}")
-    assert present.STYLE.startswith("<style>")
+    assert STYLE.count("{") == STYLE.count("}")
+    assert STYLE.startswith("<style>")
 
 
 def test_pick_attributes_are_there_only_when_asked():
@@ -62,7 +64,7 @@ def test_pick_attributes_are_there_only_when_asked():
 
 def test_sites_are_read_from_their_names():
     assert Site.of("scale2.decoder.0.cross") == (2, "decoder", 0, "cross")
-    assert present.site_words("scale3.decoder.1.cross", ("scale1.encoder.0.self", "scale3.encoder.0.self")) == (
+    assert site_words("scale3.decoder.1.cross", ("scale1.encoder.0.self", "scale3.encoder.0.self")) == (
         "1/8 · decoder 2, cross-attention: 1/8 reads 1/8"
     )
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.scene.map_planes import MapPlanes
-from app.scene.space import DEPTH, Space, box_corners, camera_place
+from app.views.scene.map_planes import MapPlanes
+from app.views.scene.space import DEPTH, Space, box_corners, camera_place
 from etnet.events.events import Sensor
 
 SENSORS = st.builds(Sensor, st.integers(1, 1280), st.integers(1, 720))

@@ -10,16 +10,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app import attract
-from app import intents as ask
-from app.attract import BURST, IDLE, MOST_MESSAGES, STALLED, Attract, Throttle, beats_of, intents_of, public_view
-from app.compare_view import CompareView, Lane
 from app.config import ConfigError, ViewerConfig
-from app.inside_view import Switch
-from app.link import LONGEST, LinkError, from_link, to_link
-from app.show_view import PointAt
-from app.view_state import Limits, ViewState, reduce
-from app.wishes import Wish
+from app.engine.requests import FrameRequest
+from app.state import intents as ask
+from app.state.link import LONGEST, LinkError, from_link, to_link
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.compare.state import CompareState, Lane
+from app.views.demo import script as attract
+from app.views.demo.script import (
+    BURST,
+    IDLE,
+    MOST_MESSAGES,
+    STALLED,
+    DemoScript,
+    Throttle,
+    intents_of,
+    public_view,
+    steps_of,
+)
+from app.views.demo.state import PointAt
+from app.views.inspect.state import Switch
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
 from tests.app.stand_ins import Browser, served
@@ -31,8 +41,8 @@ OPEN = Limits(Sensor(40, 30), [Window(i, i * 10, i * 10 + 10, i * 1000, i * 1000
 
 
 def test_the_show_runs_through_all_acts_of_all_recordings_and_begins_again():
-    show, now, seen = Attract(["a", "b"]), 0.0, []
-    for _ in range(2 * len(beats_of("a")) + 1):
+    show, now, seen = DemoScript(["a", "b"]), 0.0, []
+    for _ in range(2 * len(steps_of("a")) + 1):
         beat = show.due(True, now)
         seen.append((beat.recording_id, beat.act))
         assert show.due(True, now + beat.seconds * 0.9) is None
@@ -42,18 +52,18 @@ def test_the_show_runs_through_all_acts_of_all_recordings_and_begins_again():
 
 
 def test_a_beat_counts_from_when_there_is_something_to_see_but_not_for_ever():
-    show = Attract(["a"])
+    show = DemoScript(["a"])
     first = show.due(False, 0.0)
     assert show.due(False, 15.0) is None
     assert show.due(True, 15.0 + first.seconds * 0.9) is None
     assert show.due(True, 15.0 + first.seconds).act == "image"
-    broken = Attract(["a"])
+    broken = DemoScript(["a"])
     broken.due(False, 0.0)
     assert broken.due(False, STALLED + first.seconds + 1).act == "image"
 
 
 def test_a_touch_ends_the_show_and_idleness_starts_it_from_its_first_recording():
-    show = Attract(["a", "b"])
+    show = DemoScript(["a", "b"])
     show.due(True, 0.0)
     assert show.touch(1.0)
     assert not show.touch(50.0)
@@ -74,8 +84,8 @@ def test_no_visitor_gets_more_messages_through_than_the_bucket_holds(waits):
 
 def test_beats_ask_only_for_what_changes():
     playing = replace(public_view(ViewState()), is_playing=True)
-    assert intents_of(beats_of("a")[0], playing) == (PointAt("events"),)
-    last = intents_of(beats_of("a")[-1], playing)
+    assert intents_of(steps_of("a")[0], playing) == (PointAt("events"),)
+    last = intents_of(steps_of("a")[-1], playing)
     assert last[:2] == (PointAt("places"), ask.TogglePlay())
     state = playing
     for intent in last:
@@ -146,7 +156,7 @@ def test_what_a_link_carries_beyond_reason_is_left_out_and_named():
 
 
 def test_a_link_carries_lanes_but_no_change_of_the_network_nor_leaves_one_that_was_there():
-    changed = replace(STATE, compare=CompareView(lanes=(Lane(), Lane(precision="bf16"))))
+    changed = replace(STATE, compare=CompareState(lanes=(Lane(), Lane(precision="bf16"))))
     changed = reduce(changed, Switch("scale 3"), OPEN)
     assert changed.inside != STATE.inside
     value = to_link(changed, 5000)
@@ -175,7 +185,7 @@ def run(story, aspect=1.6, **options):
 
 
 def newest(viewer):
-    return viewer.engine.wishes[-1][1] if viewer.engine.wishes else Wish("", "", "fp32", ByCount(1), 0)
+    return viewer.engine.requests[-1][1] if viewer.engine.requests else FrameRequest("", "", "fp32", ByCount(1), 0)
 
 
 def test_a_linked_moment_is_shown_paused_and_an_unknown_one_is_refused_kindly():
@@ -185,8 +195,8 @@ def test_a_linked_moment_is_shown_paused_and_an_unknown_one_is_refused_kindly():
         channel = browser.widget("channel")
         await browser.use(channel, f"link|{to_link(moment, 70_000)}|1")
         await browser.until_shown("Reconstruction of window 6")
-        assert viewer.engine.wishes[-1][1].recording_id == "b"
-        assert viewer.engine.wishes[-1][1].wants_attention
+        assert viewer.engine.requests[-1][1].recording_id == "b"
+        assert viewer.engine.requests[-1][1].wants_attention
         await browser.use(channel, f"link|{to_link(replace(moment, policy=ByDuration(5_000)), 70_000)}|2")
         await browser.until_shown("every 5.0 ms")
         assert browser.notices == []
@@ -235,8 +245,8 @@ def test_in_public_nobody_changes_the_network_the_windows_or_what_the_next_one_s
         other = ViewState(recording_id="b", model_id="m", precision="bf16", policy=ByDuration(1))
         await browser.use(channel, f"link|{to_link(other, 70_000)}|1")
         await browser.until(lambda: newest(viewer).recording_id == "b")
-        assert viewer.engine.wishes[-1][1].precision == "fp32"
-        assert viewer.engine.wishes[-1][1].policy == BetweenFrames()
+        assert viewer.engine.requests[-1][1].precision == "fp32"
+        assert viewer.engine.requests[-1][1].policy == BetweenFrames()
         async with Browser.open(viewer.port, tab=9, storage=browser.storage) as next_one:
             await next_one.until_shown("Touch anything")
         assert browser.storage == {}

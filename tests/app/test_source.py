@@ -9,18 +9,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.attract import FORBIDDEN
-from app.catalogue import Entry
-from app.channel import parse
-from app.looking.doctor import SLOT, DoctorStudy, doctor_question
-from app.memory import from_text, to_text
-from app.panels.source import GONE
-from app.present import Moment
-from app.present.examination import doctor_html
-from app.source_view import Examine
-from app.studies import Finding, num_bytes
-from app.view_state import Limits, ViewState, reduce
-from app.wishes import Wish
+from app.catalogue.recordings import Entry
+from app.engine.jobs import JobResult, num_bytes
+from app.engine.requests import FrameRequest
+from app.html.moment import Moment
+from app.session.channel import parse
+from app.state.stored import from_text, to_text
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.demo.script import FORBIDDEN
+from app.views.recording.html.examination import doctor_html
+from app.views.recording.jobs.examination import SLOT, DoctorStudy, examination_jobs
+from app.views.recording.panel import GONE
+from app.views.recording.state import Examine
 from etnet.events.events import Events
 from etnet.events.examine import examine, look_through
 from etnet.events.recording import Remark, recording_of_events
@@ -28,7 +28,7 @@ from etnet.windows import BetweenFrames, ByCount, plan_windows
 from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=7)
-WISH = Wish("a", "m", "fp32", BetweenFrames(), 7)
+WISH = FrameRequest("a", "m", "fp32", BetweenFrames(), 7)
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def press(text):
 
 
 def examined(opened):
-    return Finding(DoctorStudy("a", WISH), examine(opened), 1.0, is_whole=True)
+    return JobResult(DoctorStudy("a", WISH), examine(opened), 1.0, is_whole=True)
 
 
 def told(html, what):
@@ -50,16 +50,16 @@ def told(html, what):
 
 
 def test_the_doctor_is_asked_only_while_his_page_is_open():
-    assert doctor_question(STATE, WISH) == {}
+    assert examination_jobs(STATE, WISH) == {}
     opened = reduce(STATE, parse(press("source:examine:on")), Limits())
-    assert list(doctor_question(opened, WISH)) == [SLOT]
-    assert doctor_question(reduce(opened, parse(press("source:examine:off")), Limits()), WISH) == {}
+    assert list(examination_jobs(opened, WISH)) == [SLOT]
+    assert examination_jobs(reduce(opened, parse(press("source:examine:off")), Limits()), WISH) == {}
 
 
 def test_the_answer_is_one_for_every_network_and_every_cut():
     opened = reduce(STATE, Examine(True), Limits())
-    other = Wish("a", "n", "bf16", ByCount(100), 12, wants_attention=True)
-    assert doctor_question(opened, WISH) == doctor_question(opened, other)
+    other = FrameRequest("a", "n", "bf16", ByCount(100), 12, wants_attention=True)
+    assert examination_jobs(opened, WISH) == examination_jobs(opened, other)
     assert DoctorStudy("a", WISH) != DoctorStudy("b", WISH)
 
 
@@ -138,16 +138,16 @@ def visit(story, tab):
 
 def test_a_visitor_opens_the_page_waits_and_closes_it():
     async def story(viewer, browser):
-        asked = lambda: [study for _, slot, study in viewer.engine.studies if slot == SLOT]  # noqa: E731
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
         assert not asked()
         await browser.use(browser.widget("channel"), press("source:examine:on"))
         await browser.until_shown("looking it through, 0%")
         await browser.until(asked)
-        study = asked()[-1]
-        viewer.engine.tell(SLOT, Finding(study, None, 0.4))
+        job = asked()[-1]
+        viewer.engine.tell(SLOT, JobResult(job, None, 0.4))
         await browser.until_shown("looking it through, 40%")
         found = list(look_through(viewer.shelf.recordings["a"]))[-1][0]
-        viewer.engine.tell(SLOT, Finding(study, found, 1.0, is_whole=True))
+        viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
         await browser.until_shown("<dt>Polarity</dt>")
         assert "6,000" in told(browser.html(), "Events")
         await browser.use(browser.widget("channel"), press("source:examine:off"))

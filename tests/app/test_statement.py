@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.catalogue import Catalogue
+from app.catalogue.recording_id import is_of, listed_id, stated_id, stated_in
+from app.catalogue.recordings import Catalogue
+from app.catalogue.videos import film_id
 from app.config import ViewerConfig
-from app.films import film_id
-from app.panels.statement import sensor_of
-from app.stated_ids import is_of, listed_id, stated_id, stated_in
+from app.views.recording.assumptions_panel import sensor_of
 from etnet.errors import EtnetError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 

@@ -5,48 +5,48 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from app.engine import Engine
-from app.studies import Finding, num_bytes
-from app.studying import Found, Studying
-from app.wishes import Wish
+from app.engine.engine import Engine
+from app.engine.jobs import JobResult, num_bytes
+from app.engine.requests import FrameRequest
+from app.session.jobs import JobNews, VisitorJobs
 from etnet.errors import ModelError
 
-from .fakes import Inbox, Shelf, hold, wish
+from .fakes import Inbox, Shelf, hold, request
 
 LOG: list[tuple[str, int]] = []
-"""What the studies below did, in order."""
+"""What the jobs below did, in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Counting:
     """Counts to `length`, one encode at a time."""
 
-    wish: Wish
+    request: FrameRequest
     length: int = 3
     name: str = "counting"
     breaks: bool = False
 
-    def run(self, stage, cancelled):
+    def run(self, loaded, cancelled):
         for done in range(1, self.length + 1):
             if self.breaks:
                 raise ModelError("this cannot be counted")
-            stage.playback.model.encode(next(stage.playback.model.parameters()).new_zeros(1, 5, 16, 24))
+            loaded.playback.model.encode(next(loaded.playback.model.parameters()).new_zeros(1, 5, 16, 24))
             LOG.append((self.name, done))
             yield done, done / self.length
 
 
 class Notes(Inbox):
-    """Takes findings."""
+    """Takes results."""
 
-    def __call__(self, slot, finding):
-        super().__call__((slot, finding))
+    def __call__(self, slot, result):
+        super().__call__((slot, result))
 
     def whole(self):
         return self.wait(lambda reply: reply[1].is_whole)[1]
 
     @property
     def shares(self):
-        return [finding.share for _, finding in self.replies]
+        return [result.share for _, result in self.replies]
 
 
 @pytest.fixture
@@ -66,29 +66,29 @@ def engine(shelf):
 
 def test_an_answer_grows_until_it_is_whole(engine):
     notes = Notes()
-    engine.study("ada", "slot", Counting(wish(3)), notes)
+    engine.job("ada", "slot", Counting(request(3)), notes)
     assert notes.whole().value == 3
     assert notes.shares == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
 def test_a_known_answer_comes_at_once_and_is_not_computed_twice(engine):
     notes, again = Notes(), Notes()
-    engine.study("ada", "slot", Counting(wish(3)), notes)
+    engine.job("ada", "slot", Counting(request(3)), notes)
     notes.whole()
-    engine.study("bob", "slot", Counting(wish(3)), again)
-    assert [finding.is_whole for _, finding in again.replies] == [True]
+    engine.job("bob", "slot", Counting(request(3)), again)
+    assert [result.is_whole for _, result in again.replies] == [True]
     assert len(LOG) == 3
 
 
 def test_a_wish_is_granted_between_two_stretches(engine, shelf):
     notes, inbox = Notes(), Inbox()
-    engine.request("ada", wish(0), inbox)
+    engine.request("ada", request(0), inbox)
     inbox.ready(0)
     gate = hold(shelf.model_instance)
-    engine.study("ada", "slot", Counting(wish(0), 50), notes)
+    engine.job("ada", "slot", Counting(request(0), 50), notes)
     shelf.model_instance.entered.acquire(timeout=10)
-    engine.request("ada", wish(1), inbox)
-    gate.release(3)  # one stretch, the wish's encode, one stretch more
+    engine.request("ada", request(1), inbox)
+    gate.release(3)  # one stretch, the request's encode, one stretch more
     inbox.ready(1)
     assert len(LOG) <= 2
 
@@ -96,9 +96,9 @@ def test_a_wish_is_granted_between_two_stretches(engine, shelf):
 def test_a_newer_question_replaces_the_slots_former_one(engine, shelf):
     old, new = Notes(), Notes()
     gate = hold(shelf.model_instance)
-    engine.study("ada", "slot", Counting(wish(0), 50, "old"), old)
+    engine.job("ada", "slot", Counting(request(0), 50, "old"), old)
     shelf.model_instance.entered.acquire(timeout=10)
-    engine.study("ada", "slot", Counting(wish(0), 2, "new"), new)
+    engine.job("ada", "slot", Counting(request(0), 2, "new"), new)
     gate.release(10)
     assert new.whole().value == 2
     assert sum(name == "old" for name, _ in LOG) == 1
@@ -108,8 +108,8 @@ def test_a_newer_question_replaces_the_slots_former_one(engine, shelf):
 def test_slots_take_turns(engine, shelf):
     gate = hold(shelf.model_instance)
     one, two = Notes(), Notes()
-    engine.study("ada", "a", Counting(wish(0), 3, "one"), one)
-    engine.study("bob", "b", Counting(wish(0), 3, "two"), two)
+    engine.job("ada", "a", Counting(request(0), 3, "one"), one)
+    engine.job("bob", "b", Counting(request(0), 3, "two"), two)
     gate.release(100)
     one.whole(), two.whole()
     names = [name for name, _ in LOG]
@@ -118,68 +118,68 @@ def test_slots_take_turns(engine, shelf):
 
 def test_a_visitor_who_leaves_costs_nothing_more(engine, shelf):
     gate = hold(shelf.model_instance)
-    engine.study("ada", "slot", Counting(wish(0), 50), Notes())
+    engine.job("ada", "slot", Counting(request(0), 50), Notes())
     shelf.model_instance.entered.acquire(timeout=10)
     engine.drop("ada")
     gate.release(5)
     inbox = Inbox()
-    engine.request("bob", wish(0), inbox)
+    engine.request("bob", request(0), inbox)
     inbox.ready(0)
     assert len(LOG) == 1
 
 
-@pytest.mark.parametrize(("study", "words"), [
-    (Counting(wish(3), breaks=True), "cannot be counted"),
-    (Counting(wish(999)), "window 999 does not exist"),
-    (Counting(wish(0, recording="nowhere")), "no such recording"),
+@pytest.mark.parametrize(("job", "words"), [
+    (Counting(request(3), breaks=True), "cannot be counted"),
+    (Counting(request(999)), "window 999 does not exist"),
+    (Counting(request(0, recording="nowhere")), "no such recording"),
 ])  # fmt: skip
-def test_what_cannot_be_answered_is_said(engine, study, words):
+def test_what_cannot_be_answered_is_said(engine, job, words):
     notes = Notes()
-    engine.study("ada", "slot", study, notes)
-    _, finding = notes.wait(lambda reply: reply[1].trouble)
-    assert words in finding.trouble
-    assert not finding.is_whole
+    engine.job("ada", "slot", job, notes)
+    _, result = notes.wait(lambda reply: reply[1].trouble)
+    assert words in result.trouble
+    assert not result.is_whole
 
 
 class Recorder:
     def __init__(self):
         self.calls = []
 
-    def study(self, visitor, slot, study, tell):
-        self.calls.append(("study", slot, study))
+    def job(self, visitor, slot, job, tell):
+        self.calls.append(("job", slot, job))
         self.tell = tell
 
-    def drop_study(self, visitor, slot):
+    def drop_job(self, visitor, slot):
         self.calls.append(("drop", slot))
 
 
 def test_only_what_changed_is_asked():
     engine, letters = Recorder(), []
-    studying = Studying(engine, "ada", letters.append)
-    one, two = Counting(wish(1)), Counting(wish(2))
+    studying = VisitorJobs(engine, "ada", letters.append)
+    one, two = Counting(request(1)), Counting(request(2))
     studying.want({"a": one})
     studying.want({"a": one})
     studying.want({"a": two})
     studying.want({})
-    assert engine.calls == [("study", "a", one), ("study", "a", two), ("drop", "a")]
+    assert engine.calls == [("job", "a", one), ("job", "a", two), ("drop", "a")]
 
 
 def test_news_of_a_question_that_is_no_longer_asked_is_no_news():
     engine, letters = Recorder(), []
-    studying = Studying(engine, "ada", letters.append)
-    one, two = Counting(wish(1)), Counting(wish(2))
+    studying = VisitorJobs(engine, "ada", letters.append)
+    one, two = Counting(request(1)), Counting(request(2))
     studying.want({"a": one})
-    engine.tell("a", Finding(one, 5, 0.5))
+    engine.tell("a", JobResult(one, 5, 0.5))
     assert studying.take(letters[0])
-    assert studying.findings["a"].value == 5
+    assert studying.results["a"].value == 5
     studying.want({"a": two})
-    assert not studying.take(Found("a", Finding(one, 6, 1.0, True)))
-    assert studying.findings["a"].value == 5  # the last answer stays until there is a new one
+    assert not studying.take(JobNews("a", JobResult(one, 6, 1.0, True)))
+    assert studying.results["a"].value == 5  # the last answer stays until there is a new one
 
 
 def test_bytes_of_an_answer_are_those_of_its_arrays():
     assert num_bytes({"a": [np.zeros(10, np.float32), (np.zeros(2),)]}) == 40 + 16
-    assert num_bytes(Finding(Counting(wish(0)), np.zeros(100, np.uint8))) >= 100
+    assert num_bytes(JobResult(Counting(request(0)), np.zeros(100, np.uint8))) >= 100
 
 
 ENDED = threading.Semaphore(0)
@@ -189,9 +189,9 @@ ENDED = threading.Semaphore(0)
 class Holding:
     """Holds something until it is not wanted any more."""
 
-    wish: Wish
+    request: FrameRequest
 
-    def run(self, stage, cancelled):
+    def run(self, loaded, cancelled):
         try:
             while True:
                 yield cancelled(), 0.5
@@ -204,15 +204,15 @@ def test_what_a_study_holds_is_let_go_when_nobody_wants_it_and_not_with_the_next
     notes = Notes()
     gc.disable()
     try:
-        engine.study("ada", "slot", Holding(wish(3)), notes)
+        engine.job("ada", "slot", Holding(request(3)), notes)
         notes.wait(lambda reply: reply[1].share == 0.5)
         match leave:
             case "drop the slot":
-                engine.drop_study("ada", "slot")
+                engine.drop_job("ada", "slot")
             case "drop the visitor":
                 engine.drop("ada")
             case _:
-                engine.study("ada", "slot", Counting(wish(3)), notes)
+                engine.job("ada", "slot", Counting(request(3)), notes)
         assert ENDED.acquire(timeout=5)
     finally:
         gc.enable()

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.catalogue import Catalogue
+from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
-from app.inside_view import Change
 from app.main import Viewer, main
-from app.taken_session import config_of, session_in, view_of
-from app.view_state import ViewState
+from app.session_file import config_of, session_in, view_of
+from app.state.view_state import ViewState
+from app.views.inspect.state import Change
 from etnet.events.assumptions import Assumptions
 from etnet.events.open import open_recording
 from etnet.events.opened_as import View

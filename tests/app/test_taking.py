@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 import pytest
 
-from app.inside_view import Change
-from app.looking.taking import SLOT, Made, Taking, taking_studies
-from app.show_view import LeaveIt, TakeAway
-from app.studies import Finding
-from app.view_state import Limits, ViewState, reduce
-from app.wishes import Wish
+from app.engine.jobs import JobResult
+from app.engine.requests import FrameRequest
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.demo.state import DropExport, StartExport
+from app.views.export.jobs import SLOT, Made, Taking, export_jobs
+from app.views.inspect.state import Change
 from etnet.errors import Cancelled, EtnetError
 from etnet.events.edit import EventEdit
 from etnet.events.recording import Growth
@@ -39,18 +39,18 @@ from tests.export.recordings_made_up import NUM_WINDOWS, made_up_take
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=3, query=(9, 7))
 
 
-def stage():
+def loaded():
     playback = made_up_take().playback
     return SimpleNamespace(playback=playback, windows=playback.windows, contract=contract_of(playback.model))
 
 
 def ordered(**wanted):
-    state = reduce(STATE, TakeAway(**wanted), Limits())
+    state = reduce(STATE, StartExport(**wanted), Limits())
     return Taking(state.show.order)
 
 
-def made(study, at=None, cancelled=lambda: False):
-    answers = list(study.run(at or stage(), cancelled))
+def made(job, at=None, cancelled=lambda: False):
+    answers = list(job.run(at or loaded(), cancelled))
     assert [share for _, share in answers] == sorted(share for _, share in answers)
     assert all(value is None for value, _ in answers[:-1])
     return answers[-1][0]
@@ -100,13 +100,13 @@ def test_arrays_hold_states_and_camera_frames_as_the_commands_do(tmp_path):
 def test_a_picture_is_of_the_window_that_was_on_show():
     a = made(ordered(parcel="png", first=0, last=0))
     assert a.content.startswith(b"\x89PNG")
-    other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), TakeAway("png"), Limits()).show.order)
+    other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), StartExport("png"), Limits()).show.order)
     assert made(other).content != a.content
 
 
 def sheet(name, **view):
     state = ViewState(**{**_fields(STATE), **view})
-    content = made(Taking(reduce(state, TakeAway("png", sheet=name), Limits()).show.order)).content
+    content = made(Taking(reduce(state, StartExport("png", sheet=name), Limits()).show.order)).content
     return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
 
 
@@ -153,7 +153,7 @@ HELD = [
 @pytest.mark.parametrize(("change", "held"), HELD)
 def test_a_session_holds_what_is_changed_if_a_run_can(change, held, tmp_path):
     state = replace(STATE, inside=replace(STATE.inside, change=change))
-    order = reduce(state, TakeAway("session", 1, 3), Limits()).show.order
+    order = reduce(state, StartExport("session", 1, 3), Limits()).show.order
     taken = made(Taking(order))
     path = tmp_path / taken.name
     write_session(record_session(Take(made_up_take().playback, 1, 4), BetweenFrames(), held), path)
@@ -162,15 +162,15 @@ def test_a_session_holds_what_is_changed_if_a_run_can(change, held, tmp_path):
 
 @pytest.mark.parametrize("changed", [{"path": Path("film-1.h5")}, {"growth": Growth(0.5)}])
 def test_no_session_is_made_of_what_nobody_can_open_again(changed):
-    study, at = ordered(parcel="session"), stage()
+    job, at = ordered(parcel="session"), loaded()
     at.playback.recording = replace(at.playback.recording, **changed)
     with pytest.raises(EtnetError, match=r"simulated video is gone with its page|a part of it is indexed"):
-        made(study, at)
+        made(job, at)
 
 
 def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    answers = ordered(parcel="mp4").run(stage(), lambda: False)
+    answers = ordered(parcel="mp4").run(loaded(), lambda: False)
     next(answers)
     next(answers)
     assert list(tmp_path.iterdir())
@@ -180,26 +180,26 @@ def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):
 
 
 def test_what_is_too_large_for_a_page_is_said_with_a_way_out(monkeypatch):
-    monkeypatch.setattr("app.looking.taking.LARGEST", 1000)
+    monkeypatch.setattr("app.views.export.jobs.LARGEST", 1000)
     with pytest.raises(EtnetError, match=r"etnet export"):
         made(ordered(parcel="h5"))
 
 
 def test_what_a_recording_does_not_have_is_said():
-    study, at = ordered(parcel="png", panels=("camera",)), stage()
+    job, at = ordered(parcel="png", panels=("camera",)), loaded()
     object.__setattr__(at.playback.recording, "ground_truth", None)
     with pytest.raises(EtnetError, match="no camera frames"):
-        made(study, at)
+        made(job, at)
 
 
 def test_an_order_stands_whatever_is_looked_at_afterwards_and_only_one_at_a_time():
-    wish = Wish("a", "m", "fp32", BetweenFrames(), 3)
-    assert taking_studies(STATE, wish) == {}
-    first = reduce(STATE, TakeAway("mp4"), Limits())
-    study = taking_studies(first, wish)[SLOT]
+    request = FrameRequest("a", "m", "fp32", BetweenFrames(), 3)
+    assert export_jobs(STATE, request) == {}
+    first = reduce(STATE, StartExport("mp4"), Limits())
+    job = export_jobs(first, request)[SLOT]
     moved = ViewState(**{**_fields(first), "index": 1, "recording_id": "b"})
-    assert taking_studies(moved, wish)[SLOT] == study
-    assert reduce(first, LeaveIt(), Limits()).show.order is None
+    assert export_jobs(moved, request)[SLOT] == job
+    assert reduce(first, DropExport(), Limits()).show.order is None
 
 
 def visit(story):
@@ -214,7 +214,7 @@ def visit(story):
 
 def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
     async def story(viewer, browser):
-        asked = lambda: [study for _, slot, study in viewer.engine.studies if slot == SLOT]  # noqa: E731
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
         await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
         await browser.use(browser.widget("Make it"), True)
         await browser.until(lambda: asked() and asked()[-1] is not None)
@@ -224,9 +224,9 @@ def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
         await browser.until(lambda: asked()[-1] is None)
         await browser.use(browser.widget("Make it"), True)
         await browser.until(lambda: asked()[-1] is not None)
-        study = asked()[-1]
+        job = asked()[-1]
         session = next(iter(viewer.sessions.values()))
-        viewer.engine.tell(SLOT, Finding(study, Made("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
+        viewer.engine.tell(SLOT, JobResult(job, Made("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
         await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
         part = next(message for _, kind, message in browser.arrivals if kind == "FileTransferPart")
         assert part["content"] == b"1,2\n" * 40
@@ -260,9 +260,9 @@ def test_the_form_follows_its_own_choices_while_the_page_rests():
 
 
 def test_a_kept_view_holds_no_order():
-    from app.memory import to_text
+    from app.state.stored import to_text
 
-    assert "order" not in json.dumps(json.loads(to_text(reduce(STATE, TakeAway("mp4"), Limits()))))
+    assert "order" not in json.dumps(json.loads(to_text(reduce(STATE, StartExport("mp4"), Limits()))))
 
 
 def test_a_writer_that_fails_says_so_and_ends(monkeypatch):

@@ -5,7 +5,7 @@ import gc
 import time
 import weakref
 
-from app.upkeep import Upkeep, give_back
+from app.web.idle_memory import IdleMemory, give_back
 from tests.app.stand_ins import Browser, served
 
 
@@ -53,7 +53,7 @@ def test_every_leaving_is_followed_by_a_sweep_and_a_crowd_by_few():
     swept, left = [], []
 
     async def evening():
-        upkeep = Upkeep(lambda: swept.append(time.monotonic()), settle=0.02, between=0.2)
+        upkeep = IdleMemory(lambda: swept.append(time.monotonic()), settle=0.02, between=0.2)
         for pause in (0.0, 0.0, 0.05, 0.05, 0.3, 0.0, 0.0, 0.0):
             await asyncio.sleep(pause)
             left.append(time.monotonic())
@@ -68,7 +68,9 @@ def test_every_leaving_is_followed_by_a_sweep_and_a_crowd_by_few():
 
 def test_after_a_visit_the_server_sweeps(monkeypatch):
     swept = []
-    monkeypatch.setattr("app.server.Upkeep", lambda: Upkeep(lambda: swept.append(1), settle=0.0, between=0.0))
+    monkeypatch.setattr(
+        "app.web.server.IdleMemory", lambda: IdleMemory(lambda: swept.append(1), settle=0.0, between=0.0)
+    )
     with served() as viewer:
 
         async def visit():

@@ -10,9 +10,9 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from app.guard import LARGEST_MESSAGE
-from app.upload_door import CHUNK
-from app.uploads import UploadLimits
+from app.catalogue.uploads import UploadLimits
+from app.web.access import LARGEST_MESSAGE
+from app.web.upload_endpoint import CHUNK
 from tests.app.stand_ins import Browser, held_files, served
 
 LIMITS = UploadLimits(visitor_bytes=1_000_000, total_bytes=2_000_000)
@@ -89,11 +89,11 @@ def test_a_file_goes_up_is_opened_and_goes_with_its_visitor(viewer):
             await other.until_shown("Reconstruction of window 15")
             assert "mine.raw" not in other.html()
             assert "mine.raw" not in str(other.widgets[other.widget("Recording")]["options"])
-            viewer.engine.wishes.clear()
+            viewer.engine.requests.clear()
             await other.use(other.widget("channel"), f"pick|open:{arrived}|0|0|77")
             await other.until(lambda: other.notices)
             assert "not in the catalogue" in str(other.notices[-1])
-            assert arrived not in str(viewer.engine.wishes)
+            assert arrived not in str(viewer.engine.requests)
 
     story(viewer, tell)
     asyncio.run(settled(lambda: viewer.shelf.private == {} and held_files(viewer.uploads) == []))

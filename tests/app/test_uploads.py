@@ -13,13 +13,13 @@ import h5py
 import numpy as np
 import pytest
 
-from app.catalogue import Catalogue, CatalogueError
+from app.catalogue.recordings import Catalogue, CatalogueError
+from app.catalogue.temp_folder import PrivateFolder, sweep
+from app.catalogue.uploads import UploadLimits, Uploads
+from app.catalogue.visitor import VisitorCatalogue
+from app.catalogue.visitor_uploads import MEGABYTE, UploadError, in_megabytes, title_of
 from app.config import UPLOADS, ConfigError, ViewerConfig
-from app.desk import MEGABYTE, UploadError, in_megabytes, title_of
-from app.own_catalogue import OwnCatalogue
-from app.present.handing import handing_html
-from app.private_folder import PrivateFolder, sweep
-from app.uploads import UploadLimits, Uploads
+from app.views.recording.html.uploads import handing_html
 from etnet.errors import EtnetError
 from etnet.events.index_store import index_path, load_index, save_index
 from etnet.events.write import write_recording
@@ -126,7 +126,7 @@ def test_one_file_of_a_visitor_comes_at_a_time(uploads):
 
 
 def test_a_full_disk_takes_nothing_more(uploads, monkeypatch):
-    monkeypatch.setattr("app.uploads.shutil.disk_usage", lambda path: SimpleNamespace(free=MEGABYTE))
+    monkeypatch.setattr("app.catalogue.uploads.shutil.disk_usage", lambda path: SimpleNamespace(free=MEGABYTE))
     assert "do not fit" in refused(lambda: uploads.desk().begin("a.raw", 10))
 
 
@@ -198,7 +198,7 @@ def test_everything_goes_with_the_visitor_and_with_the_server(uploads, shelves):
 
 def test_what_a_killed_server_left_is_swept_up_and_what_a_living_one_holds_is_not():
     code = (
-        "import os, sys; from app.private_folder import PrivateFolder; f = PrivateFolder('etnet-test-');"
+        "import os, sys; from app.catalogue.temp_folder import PrivateFolder; f = PrivateFolder('etnet-test-');"
         "print(f.path, flush=True); sys.stdin.read(); os._exit(9)"
     )
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stdin=subprocess.PIPE, text=True)
@@ -242,12 +242,12 @@ def test_a_recording_is_opened_under_its_visitors_name_and_by_him_alone(catalogu
     write_recording(recording(), tmp_path / "mine.h5")
     desk = opened_uploads.desk()
     arrived = hand_over(desk, tmp_path / "mine.h5")
-    own, others = OwnCatalogue(catalogue, desk), OwnCatalogue(catalogue, opened_uploads.desk())
+    own, others = VisitorCatalogue(catalogue, desk), VisitorCatalogue(catalogue, opened_uploads.desk())
     assert own.entries()[0].title == "mine.h5"
     assert arrived not in {entry.id for entry in (*others.entries(), *catalogue.entries())}
     assert own.open(arrived).name == "mine"
     assert own.open(arrived).num_events == recording().num_events
-    for stranger in (others, OwnCatalogue(catalogue)):
+    for stranger in (others, VisitorCatalogue(catalogue)):
         with pytest.raises(CatalogueError):
             stranger.open(arrived)
         with pytest.raises(CatalogueError):

@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app import compare_view as compare
-from app import intents as ask
-from app.memory import from_text, to_text
-from app.view_state import Limits, ViewState, reduce
+from app.state import intents as ask
+from app.state.stored import from_text, to_text
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.compare import state as compare
 from etnet.events.denoise import Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window

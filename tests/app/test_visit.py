@@ -92,7 +92,7 @@ def test_a_click_on_a_picture_asks_for_that_pixel(viewer):
     async def story(browser):
         await browser.use(browser.widget("channel"), "pick|pixel|0.99999|0.5|4")
         await browser.until(lambda: tuple(browser.widgets[browser.widget("Pixel x, y")]["value"]) == (39.0, 15.0))
-        assert viewer.engine.wishes[-1][1].wants_attention
+        assert viewer.engine.requests[-1][1].wants_attention
 
     visit(viewer, story, tab=24)
 
@@ -182,7 +182,7 @@ def test_playing_waits_for_each_image_when_told_to_and_stops_at_a_touch(viewer):
         await browser.use(browser.widget("Speed"), "every image")
         await browser.use(browser.widget("Play"), True)
         await browser.until_shown("Reconstruction of window 18")
-        shown = [wish.index for _, wish in viewer.engine.wishes if wish.recording_id == "a"]
+        shown = [request.index for _, request in viewer.engine.requests if request.recording_id == "a"]
         assert shown[-3:] == list(range(shown[-3], shown[-3] + 3))
         await browser.use(browser.widget("Window"), 1)
         await browser.until_shown("window 1 of 30")
@@ -232,12 +232,12 @@ def test_a_change_goes_into_the_wish_and_out_of_it_again(viewer):
         await browser.use(browser.widget("Look at"), "Change something")
         await browser.use(channel, "pick|inside:switch:tpa|0.5|0.5|1")
         await browser.use(channel, "pick|inside:edit:drop:0.5|0.5|0.5|2")
-        await browser.until(lambda: viewer.engine.wishes[-1][1].edit.drop == 0.5)
-        assert viewer.engine.wishes[-1][1].intervention.without_context
-        await browser.until(lambda: any(asked[1] == "inside.outcome" and asked[2] for asked in viewer.engine.studies))
+        await browser.until(lambda: viewer.engine.requests[-1][1].edit.drop == 0.5)
+        assert viewer.engine.requests[-1][1].intervention.without_context
+        await browser.until(lambda: any(asked[1] == "inside.outcome" and asked[2] for asked in viewer.engine.jobs))
         await browser.use(channel, "pick|inside:back|0.5|0.5|3")
-        await browser.until(lambda: viewer.engine.wishes[-1][1].is_original)
-        await browser.until(lambda: viewer.engine.studies[-1][1:] == ("inside.outcome", None))
+        await browser.until(lambda: viewer.engine.requests[-1][1].is_original)
+        await browser.until(lambda: viewer.engine.jobs[-1][1:] == ("inside.outcome", None))
 
     visit(viewer, story, tab=51)
 
@@ -245,13 +245,11 @@ def test_a_change_goes_into_the_wish_and_out_of_it_again(viewer):
 def test_closing_every_inspector_takes_its_questions_back(viewer):
     async def story(browser):
         await browser.until_shown("Reconstruction of window 15")
-        viewer.engine.studies.clear()
+        viewer.engine.jobs.clear()
         await browser.use(browser.widget("Look at"), "What matters here")
-        await browser.until(
-            lambda: {asked[1] for asked in viewer.engine.studies} == {"inside.anatomy", "inside.matters"}
-        )
+        await browser.until(lambda: {asked[1] for asked in viewer.engine.jobs} == {"inside.anatomy", "inside.matters"})
         await browser.use(browser.widget("Look at"), "none")
-        await browser.until(lambda: [asked[2] for asked in viewer.engine.studies[2:]] == [None, None])
+        await browser.until(lambda: [asked[2] for asked in viewer.engine.jobs[2:]] == [None, None])
         await browser.until_shown("While nothing is open here, nothing is computed for it.")
 
     visit(viewer, story, tab=52)

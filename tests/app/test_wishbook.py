@@ -1,6 +1,6 @@
-from app.wishbook import WishBook
+from app.engine.queue import RequestQueue
 
-from .fakes import wish
+from .fakes import request
 
 
 def quiet(reply):
@@ -10,25 +10,25 @@ def quiet(reply):
 def served(book):
     order = []
     while (turn := book.next_turn()) is not None:
-        order.append((turn.visitor, turn.wish.index))
+        order.append((turn.visitor, turn.request.index))
         book.settle(turn)
     return order
 
 
 def test_a_newer_wish_replaces_the_older():
-    book = WishBook()
+    book = RequestQueue()
     for index in range(9):
-        book.put("ada", wish(index), quiet)
+        book.put("ada", request(index), quiet)
     assert book.num_waiting == 1
     assert served(book) == [("ada", 8)]
 
 
 def test_visitors_take_turns_however_often_one_asks():
-    book = WishBook()
+    book = RequestQueue()
     order = []
     for index in range(6):
         for visitor in ("eager", "eager", "calm", "shy"):
-            book.put(visitor, wish(index), quiet)
+            book.put(visitor, request(index), quiet)
         turn = book.next_turn()
         order.append(turn.visitor)
         book.settle(turn)
@@ -37,9 +37,9 @@ def test_visitors_take_turns_however_often_one_asks():
 
 
 def test_an_unfinished_wish_stays_but_goes_behind_the_others():
-    book = WishBook()
-    book.put("ada", wish(1), quiet)
-    book.put("bob", wish(2), quiet)
+    book = RequestQueue()
+    book.put("ada", request(1), quiet)
+    book.put("bob", request(2), quiet)
     first = book.next_turn()
     assert book.others_wait(first)
     assert book.next_turn().visitor != first.visitor
@@ -48,33 +48,33 @@ def test_an_unfinished_wish_stays_but_goes_behind_the_others():
 
 
 def test_a_replaced_wish_cannot_be_settled():
-    book = WishBook()
-    book.put("ada", wish(1), quiet)
+    book = RequestQueue()
+    book.put("ada", request(1), quiet)
     turn = book.next_turn()
-    book.put("ada", wish(2), quiet)
+    book.put("ada", request(2), quiet)
     assert not book.is_wanted(turn)
     assert not book.settle(turn)
     assert served(book) == [("ada", 2)]
 
 
 def test_the_same_wish_asked_again_is_a_new_one():
-    book = WishBook()
-    book.put("ada", wish(1), quiet)
+    book = RequestQueue()
+    book.put("ada", request(1), quiet)
     turn = book.next_turn()
-    book.put("ada", wish(1), quiet)
+    book.put("ada", request(1), quiet)
     assert not book.is_wanted(turn)
 
 
 def test_who_left_leaves_nothing_behind():
-    book = WishBook()
-    book.put("ada", wish(1), quiet)
+    book = RequestQueue()
+    book.put("ada", request(1), quiet)
     book.drop("ada")
     assert book.next_turn() is None
     assert book.last_turns() == []
 
 
 def test_the_last_wish_is_remembered_after_it_was_granted():
-    book = WishBook()
-    book.put("ada", wish(3), quiet)
+    book = RequestQueue()
+    book.put("ada", request(3), quiet)
     book.settle(book.next_turn())
-    assert [turn.wish.index for turn in book.last_turns()] == [3]
+    assert [turn.request.index for turn in book.last_turns()] == [3]

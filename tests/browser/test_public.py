@@ -2,9 +2,9 @@
 
 import pytest
 
-from app import attract
 from app.config import ViewerConfig
 from app.main import Viewer
+from app.views.demo import script as attract
 from tests.browser.chromium import PATIENCE, open_page
 from tests.browser.conftest import ROI
 

@@ -4,9 +4,9 @@ import csv
 import io
 import urllib.request
 
-from app import attract
 from app.config import ViewerConfig
 from app.main import Viewer
+from app.views.demo import script as attract
 from tests.browser.chromium import PATIENCE, open_page, until_window
 from tests.browser.conftest import ROI
 

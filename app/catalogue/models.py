@@ -1,0 +1,115 @@
+"""Which networks a visitor can choose, by what their files say of themselves; nothing here needs torch."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from app.catalogue.folder import lies_in
+from app.config import ViewerConfig
+from etnet.bundled import models
+from etnet.errors import WeightsError
+
+MAX_MODELS = 50
+"""Weights files listed of a --data folder."""
+BASELINES = {"leaky-integrator": "leaky integrator"}
+"""What `load_model` knows without weights, and how it is called."""
+WEIGHTS_FORMAT = "etnet-weights-1"
+"""`etnet.nets.weights.FORMAT`, whose module needs torch."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEntry:
+    """One model that can be run. `trained_band`: events per pixel and window; `source` is what `load_model` takes."""
+
+    id: str
+    title: str
+    subtitle: str
+    is_linear_light: bool
+    trained_band: tuple[float, float] | None
+    warm_up: int | None
+    source: str | Path = field(repr=False)
+    card: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    """All that the weights file says of itself."""
+
+
+def digest(path: Path) -> str:
+    """Names a file without saying where it lies."""
+    return hashlib.sha256(str(path.resolve()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
+
+
+def offered_models(config: ViewerConfig) -> Iterator[ModelEntry]:
+    """The one asked for first, then the bundled ones, those of the --data folder, the baselines."""
+    wanted, bundled = config.model, {path.stem: path for path in models()}
+    if wanted not in bundled and wanted not in BASELINES:
+        # Read now, so that a wrong name is one line before the page is served and not a notice in it.
+        path = Path(wanted)
+        if not path.is_file():
+            known = ", ".join([*bundled, *BASELINES])
+            raise WeightsError(f"--model {wanted}: no such weights file or bundled model; bundled are {known}")
+        yield _own_entry(path) if path.suffix == ".py" else _model_entry(f"file-{digest(path)}", path, path)
+    if wanted in BASELINES:
+        yield _baseline_entry(wanted)
+    for name in sorted(bundled, key=lambda name: name != wanted):
+        yield _model_entry(name, bundled[name], name)
+    for path in [] if config.data is None else _weights_in(config.data):
+        if path.resolve() != Path(wanted).resolve():
+            try:
+                yield _model_entry(f"data-{digest(path)}", path, path)
+            except WeightsError as error:
+                _log.warning("left out of the list of networks: %s", error)
+    yield from (_baseline_entry(name) for name in BASELINES if name != wanted)
+
+
+def _weights_in(folder: Path) -> list[Path]:
+    root = folder.resolve()
+    found = (path for path in folder.rglob("*.safetensors") if not path.name.startswith(".") and lies_in(root, path))
+    return sorted(found)[:MAX_MODELS]
+
+
+def _own_entry(path: Path) -> ModelEntry:
+    return ModelEntry(f"file-{digest(path)}", path.stem, f"your own, {path.name}", False, None, None, path)
+
+
+def _baseline_entry(name: str) -> ModelEntry:
+    return ModelEntry(name, BASELINES[name], "a baseline that was never trained", False, None, None, name)
+
+
+def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
+    card = _card(path)
+    band = card.get("events_per_pixel")
+    warm_up = card.get("warm_up")
+    return ModelEntry(
+        id=model_id,
+        title=str(card.get("title", path.stem)),
+        subtitle="bundled" if source == path.stem else path.name,
+        is_linear_light=card.get("target_tone", "linear") == "linear",
+        trained_band=(float(band[0]), float(band[1])) if isinstance(band, list) and len(band) == 2 else None,
+        warm_up=int(warm_up) if isinstance(warm_up, (int, float)) else None,
+        source=source,
+        card=card,
+    )
+
+
+def _card(path: Path) -> dict[str, Any]:
+    """A weights file's card without torch, which takes seconds to import."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="np") as file:
+            metadata = file.metadata() or {}
+        if metadata.get("format") != WEIGHTS_FORMAT:
+            raise WeightsError(f"{path.name}: not weights of ours; make them with `etnet convert`")
+        card = json.loads(metadata.get("card", "{}"))
+    except (SafetensorError, OSError, json.JSONDecodeError) as error:
+        raise WeightsError(
+            f"{path.name}: not a weights file that can be read ({error}); make one with `etnet convert`"
+        ) from None
+    return card if isinstance(card, dict) else {}

@@ -1,0 +1,341 @@
+"""Which recordings and models a visitor can open. Ids are opaque: no path goes to a page, none comes from one."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import Literal
+
+from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.catalogue.models import ModelEntry, digest, offered_models
+from app.catalogue.part_id import known_as, whole_id
+from app.catalogue.recording_id import listed_id, stated_in
+from app.catalogue.videos import Videos
+from app.config import ViewerConfig
+from app.engine.threads import THREADS
+from etnet.bundled import samples
+from etnet.errors import EtnetError, RecordingError
+from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
+from etnet.events.opened_as import WHOLE_VIEW
+from etnet.events.recording import Recording, Remark
+from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
+from etnet.windows import BetweenFrames, ByDensity, Policy
+
+Kind = Literal["bundled", "data", "file", "on demand", "upload"]
+KEPT_OPEN = 6
+"""Recordings that stay open though nobody looks at them."""
+LOOK_EVERY = 1.0
+"""Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
+_PATIENCE = 20
+OPENS_WITHIN = 1.0
+"""Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
+RUNNABLE_PIXELS = 160_000
+"""Above it a step of the default network takes seconds on two cores; 480×320 is below, 640×480 above."""
+DEFAULT_DENSITY = 0.35
+"""Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
+
+_log = logging.getLogger(__name__)
+
+
+class CatalogueError(EtnetError):
+    """Something was asked for that the catalogue does not hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One recording that can be opened."""
+
+    id: str
+    title: str
+    kind: Kind
+    subtitle: str
+    path: Path = field(repr=False)
+    terms: str = ""
+    """What a visitor has to know before he opens it; empty where there is nothing."""
+    remote: RemoteSample | None = field(default=None, repr=False)
+    """What has to be fetched first, for "on demand"."""
+
+
+class Catalogue:
+    """Recordings and models by id; recordings are opened once for all visitors. Safe from every thread."""
+
+    def __init__(self, config: ViewerConfig) -> None:
+        self._config = config
+        self._open: OrderedDict[str, Recording] = OrderedDict()
+        self._opening: dict[str, Lock] = {}
+        self._lock = Lock()
+        self._private: dict[str, Entry] = {}
+        self.films = Videos()
+        self._scratch: TemporaryDirectory[str] | None = None
+        self._models = tuple(offered_models(config))
+        self._watch = Watch({} if config.data is None else recordings_in(config.data))
+        self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
+        self._entries = tuple(_entries(config, self._watch.offered))
+
+    def entries(self) -> tuple[Entry, ...]:
+        """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched.
+
+        Whoever asks sets off a look into the folder, if one is due; what it finds is there when he asks again.
+        """
+        with self._lock:
+            is_due = time.monotonic() >= self._next_look
+            if is_due:
+                self._next_look = math.inf
+        if is_due:
+            THREADS.start(self._look_beside, "watching")
+        return self._entries
+
+    def growing(self) -> tuple[str, ...]:
+        """Names of files in the --data folder that are being written; they are offered once they rest."""
+        return self._watch.growing
+
+    def look(self, now: float) -> None:
+        """Look into the --data folder. `now`: seconds of any steady clock. Not from two threads at once."""
+        if self._config.data is None or not self._watch.look(recordings_in(self._config.data), now):
+            return
+        entries = tuple(_entries(self._config, self._watch.offered))
+        with self._lock:
+            known = {entry.id for entry in entries} | self._private.keys()
+            self._entries = entries
+            for gone in [key for key in self._open if listed_id(key) not in known]:
+                del self._open[gone]  # closed when its last user lets go of it
+            for gone in self._opening.keys() - known:
+                del self._opening[gone]
+
+    def _look_beside(self) -> None:
+        began = time.monotonic()
+        try:
+            self.look(began)
+        except Exception:  # a folder may vanish under the look; the next one is another
+            _log.warning("the --data folder could not be looked into", exc_info=True)
+        finally:
+            ended = time.monotonic()
+            self._next_look = ended + max(LOOK_EVERY, _PATIENCE * (ended - began))
+
+    def models(self) -> tuple[ModelEntry, ...]:
+        """The model of the command line, the bundled ones, weights in the --data folder, untrained baselines."""
+        return self._models
+
+    def entry(self, recording_id: str) -> Entry:
+        """The entry of an id, a part's too; an error if there is none. A film under another setting has its video's."""
+        recording_id = listed_id(recording_id)
+        found = self._private.get(recording_id) or next((e for e in self._entries if e.id == recording_id), None)
+        if found is None:
+            raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
+        return found
+
+    def model(self, model_id: str) -> ModelEntry:
+        """The model of an id; an error if there is none."""
+        found = next((entry for entry in self._models if entry.id == model_id), None)
+        if found is None:
+            raise CatalogueError("this model is not in the catalogue; choose another one")
+        return found
+
+    def open(self, recording_id: str, progress: Callable[[float], None] | None = None) -> Recording:
+        """The recording of an id, opened on the first call; `known_as` says by which id. EtnetError and nothing else.
+
+        Of a large file that is still being indexed it is the part that is there, and all of it in a later call.
+        """
+        entry = self.entry(recording_id)
+        if self.is_film(entry):
+            return self.films.open(recording_id)
+        with self._lock:
+            if (held := self._held(recording_id)) is not None:
+                return held
+            turn = self._opening.setdefault(entry.id, Lock())
+        with turn:
+            with self._lock:
+                if (held := self._held(recording_id)) is not None:
+                    return held
+            if recording_id != whole_id(recording_id):
+                raise CatalogueError(
+                    f"{entry.title}: this part of it is closed, for more of it is known; open it again"
+                )
+            recording = self._read(entry, self._stated(entry, recording_id), progress)
+            with self._lock:
+                if entry.kind == "upload" and entry.id not in self._private:
+                    raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
+                self._open[known_as(recording_id, recording)] = recording
+                while len(self._open) > KEPT_OPEN:
+                    self._open.popitem(last=False)  # closed when its last user lets go of it
+            return recording
+
+    def _held(self, recording_id: str) -> Recording | None:
+        """What is open by this very id; else, of a file that is asked for as a whole, a part that still grows."""
+        growing = (
+            key
+            for key, part in self._open.items()
+            if whole_id(key) == recording_id and part.growth is not None and not part.growth.is_over
+        )
+        key = recording_id if recording_id in self._open else next(growing, None)
+        if key is None:
+            return None
+        self._open.move_to_end(key)
+        return self._open[key]
+
+    def take_in(self, entry: Entry) -> None:
+        """Let a recording be opened by whoever knows its id; it stands in no list."""
+        with self._lock:
+            self._private[entry.id] = entry
+
+    def let_go(self, recording_id: str) -> tuple[Recording, ...]:
+        """Forget what was taken in; gives what was open of it, which is closed when its last user lets go of it."""
+        self.films.let_go(recording_id)
+        with self._lock:
+            self._private.pop(recording_id, None)
+            self._opening.pop(recording_id, None)
+            return tuple(self._open.pop(key) for key in [key for key in self._open if listed_id(key) == recording_id])
+
+    def is_film(self, entry: Entry) -> bool:
+        """Whether an entry is a video that is simulated while it is looked at. A part of one is simulated first."""
+        is_whole = self._config.view(self._config.downsample or 1) == WHOLE_VIEW
+        return is_whole and entry.path is not None and entry.path.suffix.lower() in VIDEO_SUFFIXES
+
+    def close(self) -> None:
+        """Close every recording that is kept open."""
+        self.films.close()
+        with self._lock:
+            kept, self._open = list(self._open.values()), OrderedDict()
+            scratch, self._scratch = self._scratch, None
+        for recording in kept:
+            recording.close()
+        if scratch is not None:
+            scratch.cleanup()
+
+    def _read(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> Recording:
+        from etnet.events.open import open_recording
+
+        try:
+            path, told = entry.path, ()
+            if entry.remote is not None:
+                path = fetch(entry.remote, progress=progress)
+            if path.suffix.lower() in VIDEO_SUFFIXES:
+                path, told = self._seen(path, progress)
+            asked = self._config.downsample
+            opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
+            recording = opened(view=self._config.view(asked or 1))
+            factor = runnable_downsample(recording.sensor.num_pixels)
+            if asked is None and factor > 1:
+                whole = recording.sensor
+                recording.close()
+                recording = opened(view=self._config.view(factor))
+                text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
+                recording = _with_remark(recording, Remark("assumed", text))
+        except EtnetError as error:
+            raise under_its_name(error, entry) from error
+        except Exception as error:
+            raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
+        if told:  # a simulated video lies in a scratch file, which nobody opens again
+            recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
+        recording = called_by_its_name(recording, entry)
+        weakref.finalize(recording, recording.source.close)
+        return recording
+
+    def can_be_stated(self, entry: Entry) -> bool:
+        """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
+        return _is_ones_own(entry) and not self._config.is_open
+
+    def _stated(self, entry: Entry, recording_id: str) -> Assumptions:
+        """What is stated of a recording: in its id, else on the command line, which speaks of the files it names."""
+        said = stated_in(recording_id)
+        if said != NOTHING_ASSUMED and not self.can_be_stated(entry):
+            raise CatalogueError(f"{entry.title}: is taken at its word here; open it without a statement")
+        is_named = _is_ones_own(entry) and entry.kind != "upload"
+        return self._config.stated.assumptions() if is_named and said == NOTHING_ASSUMED else said
+
+    def _seen(self, video: Path, progress: Callable[[float], None] | None) -> tuple[Path, tuple[Remark, ...]]:
+        """What an event sensor sees of a video, made once while this catalogue lives; and that it is so."""
+        from etnet.simulation.video import VideoConfig, simulate_video
+
+        config = VideoConfig()
+        with self._lock:
+            if self._scratch is None:
+                self._scratch = TemporaryDirectory(prefix="etnet-video-")
+        made = Path(self._scratch.name) / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
+        if not made.exists():
+            simulate_video(video, made, config, progress)
+        values = f"contrast {config.contrast:g}, noise {config.noise:g}"
+        said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"
+        return made, (Remark("assumed", said),)
+
+
+def _is_ones_own(entry: Entry) -> bool:
+    """Whether somebody brought it, as a recording: a video is seen by a sensor of which we know everything."""
+    return entry.kind in ("file", "data", "upload") and entry.path.suffix.lower() not in VIDEO_SUFFIXES
+
+
+def suited_policy(recording: Recording) -> Policy:
+    """How to cut a recording nobody has said anything about: between its frames, else by density."""
+    truth = recording.ground_truth
+    return BetweenFrames() if truth is not None and len(truth) > 1 else ByDensity(DEFAULT_DENSITY)
+
+
+def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
+    """The least downsampling that brings a sensor to a size that runs; 4 for all that is larger."""
+    if num_pixels <= RUNNABLE_PIXELS:
+        return 1
+    return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
+
+
+def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
+    """The same error; of a visitor's file, by the name he knows: where it lies is nobody's business."""
+    return RecordingError(_named(str(error), entry)) if entry.kind == "upload" else error
+
+
+def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
+    """The same recording; a visitor's file is called as he calls it, in what was noticed, too."""
+    if entry.kind != "upload":
+        return recording
+    remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
+    path = entry.path.parent / entry.title  # by which a session file names it; it is open already
+    return replace(recording, name=Path(entry.title).stem, remarks=remarks, path=path)
+
+
+def _named(text: str, entry: Entry) -> str:
+    for ours in (str(entry.path), entry.path.name, entry.path.stem):
+        text = text.replace(ours, entry.title)
+    return text
+
+
+def _with_remark(recording: Recording, remark: Remark) -> Recording:
+    return replace(recording, remarks=(*recording.remarks, remark))
+
+
+def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entry]:
+    if config.file is not None:
+        yield _entry(config.file, "file", size_of(config.file))
+    for path in samples():
+        yield _entry(path, "bundled", "simulated, with the frames of an ideal camera")
+    if config.data is not None:
+        for path, turn in offered.items():
+            folder = path.parent.relative_to(config.data)
+            where = "" if folder == Path() else f"{folder} · "
+            yield _entry(path, "data", f"{where}{size_of(path)}", turn)
+    if not config.demo:
+        for sample in SAMPLES.values():
+            yield _on_demand(sample)
+
+
+def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
+    name = path.stem if kind == "bundled" else path.name or str(path)
+    # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
+    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{digest(path)}"
+    if turn:
+        entry_id = f"{entry_id}-{turn}"  # another file by the name of a former one
+    return Entry(entry_id, name, kind, subtitle, path)
+
+
+def _on_demand(sample: RemoteSample) -> Entry:
+    is_here = cached(sample) is not None
+    subtitle = "real, fetched before" if is_here else f"real, fetched once: {sample.num_bytes / 1e6:.0f} MB"
+    path = cache_folder() / sample.name
+    return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)

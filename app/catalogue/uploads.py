@@ -1,0 +1,99 @@
+"""Files that visitors hand over: one room for each visitor, and what all of them may have here together."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import RLock
+
+from app.catalogue.recordings import Entry
+from app.catalogue.temp_folder import PrivateFolder
+from app.catalogue.visitor_uploads import MEGABYTE, UploadError, VisitorUploads, in_megabytes
+
+MOST_FILES = 8
+"""Files that one visitor may have here at once."""
+ALL_VISITORS = 4
+"""All visitors together may have so many times what one may have."""
+SPARE_DISK = 256 * MEGABYTE
+"""Bytes of the disk that are left free whatever comes."""
+
+
+@dataclass(frozen=True, slots=True)
+class UploadLimits:
+    """`visitor_bytes` is what one visitor may have here at once, so also the largest file."""
+
+    visitor_bytes: int
+    total_bytes: int
+    visitor_files: int = MOST_FILES
+
+    @classmethod
+    def of_megabytes(cls, megabytes: int) -> UploadLimits:
+        """The limits that `--uploads MB` means."""
+        return cls(megabytes * MEGABYTE, ALL_VISITORS * megabytes * MEGABYTE)
+
+
+class Uploads:
+    """All that visitors have handed over to this server. Safe from every thread."""
+
+    def __init__(self, limits: UploadLimits, take_in: Callable[[Entry], None], let_go: Callable[[str], None]) -> None:
+        """`take_in` makes a file one that can be opened; `let_go` forgets it, with all that was computed of it."""
+        self.limits = limits
+        self.take_in, self.let_go = take_in, let_go
+        self.lock = RLock()
+        self._folder: PrivateFolder | None = None
+        self._desks: dict[str, VisitorUploads] = {}
+        self._is_closed = False
+
+    def desk(self) -> VisitorUploads:
+        """Room for one more visitor."""
+        desk = VisitorUploads(self)
+        with self.lock:
+            self._desks[desk.ticket] = desk
+        return desk
+
+    def desk_of(self, ticket: str) -> VisitorUploads:
+        """The desk that a page's ticket is for."""
+        with self.lock:
+            desk = self._desks.get(ticket)
+        if desk is None:
+            raise UploadError("the page that sends this file is not open any more; load it again")
+        return desk
+
+    def room(self, desk: VisitorUploads, size: int) -> Path:
+        """The visitor's folder, if `size` bytes more fit here at all; called under the lock."""
+        if self._is_closed:
+            raise UploadError("the viewer is being stopped")
+        if self._folder is None:
+            self._folder = PrivateFolder("etnet-uploads-")
+        held = sum(each.num_bytes for each in self._desks.values())
+        free = shutil.disk_usage(self._folder.path).free - SPARE_DISK
+        left = min(self.limits.total_bytes - held, free)
+        if size > left:
+            raise UploadError(
+                f"{in_megabytes(size)} do not fit: all visitors together have {in_megabytes(max(left, 0))} left here; "
+                "try again later, or start the viewer with --data FOLDER"
+            )
+        folder = self._folder.path / desk.folder_name
+        folder.mkdir(exist_ok=True)
+        return folder
+
+    def leave(self, desk: VisitorUploads) -> None:
+        """Forget a visitor with all that he brought."""
+        with self.lock:
+            self._desks.pop(desk.ticket, None)
+            folder = None if self._folder is None else self._folder.path / desk.folder_name
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def close(self) -> None:
+        """Remove everything; nothing more is taken."""
+        with self.lock:
+            self._is_closed = True
+            desks, self._desks = list(self._desks.values()), {}
+            folder, self._folder = self._folder, None
+        for desk in desks:
+            desk.close()
+        if folder is not None:
+            folder.close()

@@ -1,0 +1,179 @@
+"""Videos as an event sensor would see them: simulated beside the page, one film for each video and setting.
+
+A film's id is its video's, with the setting behind it, so that everything that is computed of it is kept by that. It is
+made for as long as somebody looks at it; each visitor looks at one at a time, the one he opened last.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event, RLock, Semaphore
+from typing import TYPE_CHECKING
+
+from app.catalogue.temp_folder import PrivateFolder
+from etnet.errors import Cancelled, RecordingError
+from etnet.events.recording import Recording
+
+if TYPE_CHECKING:
+    from etnet.simulation.growing import GrowingVideo, Pace
+
+AT_ONCE = 2
+"""Videos that are simulated at the same time; others wait."""
+KEPT = 3
+"""Videos that nobody looks at and that are whole."""
+QUIET = 0.3
+"""Seconds that a setting stands before it is simulated: a slider passes through many."""
+CONTRASTS, NOISES = (0.05, 1.0), (0.0, 3.0)
+"""What the sliders offer."""
+USUAL = (0.2, 0.2)
+"""Contrast and noise of a video that nobody has said anything about."""
+_SETTING = re.compile(r"^(.*)~(\d\.\d\d)~(\d\.\d\d)$")
+_LOW_PRIORITY = 10
+
+
+@dataclass(frozen=True, slots=True)
+class VideoShown:
+    """What a page says of the film on show; times are seconds of video, `work` seconds of work for one of them."""
+
+    contrast: float
+    noise: float
+    done: float
+    total: float
+    work: float | None
+    is_over: bool
+
+
+@dataclass(eq=False, slots=True)
+class _Film:
+    video: GrowingVideo
+    path: Path
+    watchers: set[str] = field(default_factory=set)
+    cancelled: Event = field(default_factory=Event)
+
+
+def film_id(recording_id: str, contrast: float, noise: float) -> str:
+    """The id of a video's film under another setting, brought to what is offered."""
+    contrast = min(max(contrast, CONTRASTS[0]), CONTRASTS[1])
+    noise = min(max(noise, NOISES[0]), NOISES[1])
+    return f"{split_id(recording_id)[0]}~{contrast:.2f}~{noise:.2f}"
+
+
+def split_id(recording_id: str) -> tuple[str, tuple[float, float]]:
+    """The id of a video, and the setting of its film; what is not offered counts as part of the id."""
+    found = _SETTING.match(recording_id)
+    if found is None:
+        return recording_id, USUAL
+    contrast, noise = float(found[2]), float(found[3])
+    is_offered = CONTRASTS[0] <= contrast <= CONTRASTS[1] and NOISES[0] <= noise <= NOISES[1]
+    return (found[1], (contrast, noise)) if is_offered else (recording_id, USUAL)
+
+
+class Videos:
+    """All films of a server. Safe from every thread."""
+
+    def __init__(self) -> None:
+        self.forget: Callable[[str], object] = lambda recording_id: None
+        """Told the id of a film that is no more: nothing computed of it is of use."""
+        self._films: OrderedDict[str, _Film] = OrderedDict()
+        self._folder: PrivateFolder | None = None
+        self._lock = RLock()
+        self._turns = Semaphore(AT_ONCE)
+        self._num_made = 0
+
+    def open(self, recording_id: str) -> Recording:
+        """A film that was begun, as far as it is; waits until there is enough to show. Raises EtnetError."""
+        with self._lock:
+            film = self._films.get(recording_id)
+            if film is None:
+                raise RecordingError("nobody looks at this video any more; open it again")
+            self._films.move_to_end(recording_id)
+        return film.video.wait(film.cancelled.is_set)
+
+    def watch(self, visitor: str, recording_id: str | None) -> None:
+        """What a visitor looks at from now on; a film that nobody looks at any more is not made further."""
+        with self._lock:
+            for film in self._films.values():
+                film.watchers.discard(visitor)
+            if recording_id is not None and recording_id in self._films:
+                self._films[recording_id].watchers.add(visitor)
+            idle = [key for key, film in self._films.items() if not film.watchers]
+            unfinished = [key for key in idle if not self._films[key].video.pace.is_over]
+            whole = [key for key in idle if key not in unfinished]
+            gone = [*unfinished, *whole[:-KEPT]]
+        for key in gone:
+            self._drop(key)
+
+    def begin(self, visitor: str, recording_id: str, video: Path, name: str) -> None:
+        """A visitor looks at this film from now on; it is begun if it is not there."""
+        with self._lock:
+            if recording_id not in self._films:
+                self._begin(recording_id, video, name)
+            self._films[recording_id].watchers.add(visitor)
+        self.watch(visitor, recording_id)
+
+    def shown(self, recording_id: str) -> VideoShown | None:
+        """How far a film is; `None` where there is none of that id."""
+        with self._lock:
+            film = self._films.get(recording_id)
+        if film is None:
+            return None
+        pace: Pace = film.video.pace
+        config = film.video.config
+        return VideoShown(config.contrast, config.noise, pace.done, pace.total, pace.work, pace.is_over)
+
+    def let_go(self, video_id: str) -> None:
+        """A video is no more: neither are its films."""
+        with self._lock:
+            gone = [key for key in self._films if split_id(key)[0] == video_id]
+        for key in gone:
+            self._drop(key)
+
+    def close(self) -> None:
+        """End all simulations and remove what they made."""
+        with self._lock:
+            keys = list(self._films)
+        for key in keys:
+            self._drop(key)
+        with self._lock:
+            folder, self._folder = self._folder, None
+        if folder is not None:
+            folder.close()
+
+    def _begin(self, recording_id: str, video: Path, name: str) -> _Film:
+        from etnet.simulation.growing import GrowingVideo
+        from etnet.simulation.video import VideoConfig
+
+        if self._folder is None:
+            self._folder = PrivateFolder("etnet-films-")
+        _, (contrast, noise) = split_id(recording_id)
+        self._num_made += 1
+        path = self._folder.path / f"film-{self._num_made}.h5"
+        film = _Film(GrowingVideo(video, path, VideoConfig(contrast, noise), name), path)
+        self._films[recording_id] = film
+        threading.Thread(target=self._make, args=(film,), daemon=True, name="film").start()
+        return film
+
+    def _make(self, film: _Film) -> None:
+        film.cancelled.wait(QUIET)
+        with self._turns, contextlib.suppress(Cancelled):
+            with contextlib.suppress(OSError, AttributeError):
+                # The page and the network go first; a system that knows no priority of one thread does without.
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LOW_PRIORITY)
+            film.video.run(film.cancelled.is_set)
+        if film.cancelled.is_set():
+            film.path.unlink(missing_ok=True)
+
+    def _drop(self, recording_id: str) -> None:
+        with self._lock:
+            film = self._films.pop(recording_id, None)
+        if film is not None:
+            film.cancelled.set()
+            film.path.unlink(missing_ok=True)
+            self.forget(recording_id)

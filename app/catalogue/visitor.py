@@ -1,0 +1,93 @@
+"""What one visitor can open: what everybody can, and the files that he handed over himself."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+
+from app.catalogue.models import ModelEntry
+from app.catalogue.recordings import Catalogue, CatalogueError, Entry
+from app.catalogue.videos import VideoShown
+from app.catalogue.visitor_uploads import VisitorUploads
+from etnet.events.recording import Recording
+
+
+class VisitorCatalogue:
+    """The catalogue through one visitor's eyes. Safe from every thread."""
+
+    def __init__(self, shared: Catalogue, desk: VisitorUploads | None = None) -> None:
+        self._shared = shared
+        self._desk = desk
+        self._visitor = secrets.token_hex(8)
+        self._looks_at = ""
+
+    def entries(self) -> tuple[Entry, ...]:
+        """His own files first."""
+        return (() if self._desk is None else self._desk.entries) + self._shared.entries()
+
+    def growing(self) -> tuple[str, ...]:
+        """Names of files in the --data folder that are being written."""
+        return self._shared.growing()
+
+    def models(self) -> tuple[ModelEntry, ...]:
+        """Everybody's models."""
+        return self._shared.models()
+
+    def model(self, model_id: str) -> ModelEntry:
+        """The model of an id; an error if there is none."""
+        return self._shared.model(model_id)
+
+    def entry(self, recording_id: str) -> Entry:
+        """The entry of an id; an error if there is none, or if it is another visitor's."""
+        entry = self._shared.entry(recording_id)
+        if entry.kind == "upload" and (self._desk is None or entry not in self._desk.entries):
+            raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
+        return entry
+
+    def open(self, recording_id: str, progress: Callable[[float], None] | None = None) -> Recording:
+        """The recording of an id, opened on the first call. Raises EtnetError and nothing else.
+
+        A video has to be begun before (`looks_at`).
+        """
+        self.entry(recording_id)
+        return self._shared.open(recording_id, progress)
+
+    def looks_at(self, recording_id: str) -> None:
+        """He looks at this now: a video is begun under the setting in the id, what he looked at before may end.
+
+        Called by his own thread, so that the newest request is the last one.
+        """
+        if recording_id == self._looks_at:
+            return
+        self._looks_at = recording_id
+        try:
+            entry = self.entry(recording_id)
+        except CatalogueError:
+            return  # whoever opens it is told
+        if self._shared.is_film(entry):
+            self._shared.films.begin(self._visitor, recording_id, entry.path, entry.title)
+        else:
+            self._shared.films.watch(self._visitor, None)
+
+    def can_be_stated(self, recording_id: str) -> bool:
+        """Whether he may say of a recording what its file does not; not of one that is gone."""
+        try:
+            return self._shared.can_be_stated(self.entry(recording_id))
+        except CatalogueError:
+            return False
+
+    def file_name(self, recording_id: str) -> str:
+        """What a recording's file is called where its owner keeps it; empty for one that is gone."""
+        try:
+            entry = self.entry(recording_id)
+        except CatalogueError:
+            return ""
+        return entry.title if entry.kind == "upload" else entry.path.name
+
+    def film(self, recording_id: str) -> VideoShown | None:
+        """How far a video is simulated; `None` for all that is no video."""
+        return self._shared.films.shown(recording_id)
+
+    def close(self) -> None:
+        """He has gone."""
+        self._shared.films.watch(self._visitor, None)

@@ -1,0 +1,360 @@
+"""The engine: one thread runs the model for all visitors. Nobody waits for it; it calls when something is there."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass
+from threading import Thread
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.engine.jobs import Job, JobQueue, Tell
+from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache, is_exact
+from app.engine.prefetch import Prefetcher
+from app.engine.queue import Deliver, PendingRequest, RequestQueue
+from app.engine.recent_frames import RecentFrames
+from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
+from etnet.errors import Cancelled, EtnetError, WindowError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from etnet.nets.attention import Attention
+    from etnet.playback.playback import CacheReport
+
+QUANTUM = 0.4
+"""Seconds of work on one visitor's request after which others get their turn; doubles with each of its turns."""
+PATIENCE = 1_000.0
+"""A seek that will take longer (ms) shows an approximate frame first."""
+SLOW_STEP = 2_000.0
+"""A step expected to take longer (ms) is announced before the first one."""
+REPORT_INTERVAL = 0.2
+"""Seconds between two reports of what is cached while a seek runs."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class EngineStatus:
+    """How the engine fares with one kind of request."""
+
+    is_loading: bool
+    step_milliseconds: float | None
+    """One encode and one decode, measured; `None` before the first."""
+    precision: str | None
+    """What "auto" has become: "fp32" or "bf16"; `None` before the model is loaded."""
+    num_waiting: int
+    """RequestSink of all visitors that are not granted yet."""
+
+
+class Engine:
+    """Serves requests: the newest of each visitor, in turn. `deliver` runs on the engine's thread and must be quick."""
+
+    def __init__(
+        self,
+        library: Library,
+        budget_bytes: int,
+        threads: int | None = None,
+        device: str = "cpu",
+        load: Loader | None = None,
+        prefetches: bool = True,
+    ) -> None:
+        self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load)
+        self._book = RequestQueue()
+        self._jobs = JobQueue(self._playbacks, self._book.changed)
+        self._prefetcher = Prefetcher(self._playbacks, self._book) if prefetches else None
+        self._to_prepare: tuple[str, str] | None = None
+        self._to_forget: list[str] = []
+        self._recent = RecentFrames()
+        self._is_stopping = False
+        self._is_loading = False
+        self._reports: dict[tuple[object, ...], CacheReport] = {}
+        self._paces: dict[tuple[object, ...], Pace] = {}
+        self._precisions: dict[tuple[str, str], str] = {}
+        self._reported_at = 0.0
+        self._thread = Thread(target=self._run, daemon=True, name="engine")
+        self._thread.start()
+
+    # What other threads may call; none of it waits for the model.
+
+    def request(self, visitor: str, request: FrameRequest, deliver: Deliver) -> None:
+        """FrameRequest for something; the visitor's former request, if it is not granted yet, is dropped.
+
+        A frame that was given lately is delivered at once, on the caller's thread: it need not wait for a step.
+        """
+        recent = self._recent.find(request)
+        if recent is None:
+            self._book.put(visitor, request, deliver)
+            return
+        turn = self._book.put(visitor, request, deliver, is_shown=True)
+        _deliver(turn, recent)
+        if not request.wants_attention:
+            self._book.settle(turn)
+
+    def drop(self, visitor: str) -> None:
+        """Forget a visitor who has left; work for him ends after the step that runs."""
+        self._book.drop(visitor)
+        self._jobs.drop(visitor)
+
+    def job(self, visitor: str, slot: str, job: Job, tell: Tell) -> None:
+        """Ask a longer question, answered bit by bit while nobody waits; it replaces the slot's former one."""
+        self._jobs.put(visitor, slot, job, tell)
+
+    def drop_job(self, visitor: str, slot: str) -> None:
+        """The answer in this slot is not wanted any more."""
+        self._jobs.drop(visitor, slot)
+
+    def prepare(self, model_id: str, precision: str) -> None:
+        """Load a model as soon as nobody waits, so that the first request finds it."""
+        with self._book.changed:
+            self._to_prepare = (model_id, precision)
+            self._book.changed.notify_all()
+
+    def forget(self, recording_id: str) -> None:
+        """Let go of everything that was computed of a recording, after the step that runs."""
+        with self._book.changed:
+            self._to_forget.append(recording_id)
+            self._book.changed.notify_all()
+
+    def stop(self) -> None:
+        """End the thread after the step that runs, and wait for that."""
+        with self._book.changed:
+            self._is_stopping = True
+            self._book.changed.notify_all()
+        self._thread.join()
+
+    def cached(self, request: FrameRequest) -> CacheReport | None:
+        """Which frames and states are held for a request's recording, model and windows; `None` before any."""
+        return self._reports.get(request.playback)
+
+    def status(self, request: FrameRequest) -> EngineStatus:
+        """How the engine fares with requests like this one."""
+        pace = self._paces.get(request.playback)
+        precision = self._precisions.get((request.model_id, request.precision))
+        return EngineStatus(self._is_loading, pace.step if pace else None, precision, self._book.num_waiting)
+
+    # What runs on the engine's thread.
+
+    def _run(self) -> None:
+        while True:
+            with self._book.changed:
+                while not (self._is_stopping or self._has_work()):
+                    self._book.changed.wait()
+                if self._is_stopping:
+                    return
+            self._work()
+
+    def _work(self) -> None:
+        """One piece of work; while the thread rests it refers to no visitor, who may have left."""
+        while self._to_forget:
+            self._forget_recording(self._to_forget.pop())
+        turn = self._book.next_turn()
+        if turn is not None:
+            self._serve(turn)
+        elif self._to_prepare is not None:
+            self._prepare_model()
+        elif self._jobs.num_waiting:
+            self._jobs.work(self._is_wanted_elsewhere)
+        elif self._prefetcher is not None:
+            self._prefetcher.work(self._is_wanted_elsewhere, self._report)
+
+    def _has_work(self) -> bool:
+        prefetches = self._prefetcher is not None and self._prefetcher.has_work()
+        waits = self._to_forget or self._to_prepare
+        return bool(self._book.num_waiting or waits or self._jobs.num_waiting or prefetches)
+
+    def _serve(self, turn: PendingRequest) -> None:
+        try:
+            self._grant(turn)
+        except Cancelled:
+            return  # replaced by a newer request, dropped, or another visitor's turn: it stays in the book if wanted
+        except EtnetError as error:
+            self._fail(turn, str(error))
+        except MemoryError:
+            self._fail(turn, "out of memory; start the viewer with a smaller --budget or with --downsample 2")
+        except Exception as error:
+            _log.exception("a request failed: %s", turn.request)
+            self._fail(turn, f"something unexpected went wrong ({type(error).__name__}: {error})")
+
+    def _grant(self, turn: PendingRequest) -> None:
+        request, began = turn.request, time.perf_counter()
+        loaded = self._load(turn)
+        if not 0 <= request.index < len(loaded.windows):
+            raise WindowError(f"window {request.index} does not exist; this plan has {len(loaded.windows)}")
+        playback, intervention = loaded.playing(request)
+        attention = self._playbacks.attention(request) if request.wants_attention else None
+        frame = playback.frame(request.index, intervention)
+        if frame is not None:
+            ready = _ready(loaded, request, frame, attention, began)
+            if attention is not None or not request.wants_attention:
+                self._finish(turn, ready)
+                return
+            if not turn.is_shown:
+                self._say(turn, ready)
+        elif turn.num_turns == 1:
+            self._preview(turn, loaded)
+        step = self._exact_step(turn, loaded)
+        if step.attention is not None:
+            self._playbacks.keep_attention(request, step.attention)
+        self._finish(turn, _ready(loaded, request, step.frame, step.attention, began))
+
+    def _load(self, turn: PendingRequest) -> LoadedPlayback:
+        request = turn.request
+        loaded = self._playbacks.held(request)
+        if loaded is None:
+            loads = not self._playbacks.has_model(request)
+            what = "loading the network" if loads else "opening the recording"
+            self._say(turn, Working(request, 0, 0, what))
+            self._is_loading = loads
+            try:
+                self._playbacks.start()
+                loaded = self._playbacks.loaded(request)
+            finally:
+                self._is_loading = False
+            self._note_precision(request.model_id, request.precision)
+            self._paces[request.playback] = loaded.pace
+            self._forget_reports()
+            if loaded.expected_step > SLOW_STEP:
+                seconds = loaded.expected_step / 1000
+                size = loaded.playback.recording.sensor
+                self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
+        return self._playbacks.loaded(request)
+
+    def _forget_reports(self) -> None:
+        held = self._playbacks.held_keys()
+        self._reports = {key: report for key, report in self._reports.items() if key in held}
+        self._paces = {key: pace for key, pace in self._paces.items() if key in held}
+
+    def _forget_recording(self, recording_id: str) -> None:
+        self._playbacks.forget(recording_id)
+        self._jobs.forget(recording_id)
+        self._recent.forget(recording_id)
+        self._forget_reports()
+
+    def _preview(self, turn: PendingRequest, loaded: LoadedPlayback) -> None:
+        """Show an approximate frame before a long seek."""
+        request = turn.request
+        num_replayed = loaded.playback.plan(request.index).num_replayed
+        is_long = loaded.pace.seek(num_replayed) > PATIENCE and num_replayed > 2 * loaded.warm_up
+        if not is_long or not request.is_original:
+            return
+        began = time.perf_counter()
+        step = loaded.playback.approximate(request.index, loaded.warm_up, lambda: self._is_stale(turn))
+        self._say(turn, _ready(loaded, request, step.frame, None, began, is_approximate=True))
+
+    def _exact_step(self, turn: PendingRequest, loaded: LoadedPlayback):
+        from etnet.nets.attention import AttentionProbe
+
+        request = turn.request
+        playback, intervention = loaded.playing(request)
+        clock = [time.perf_counter()]
+        encodes: list[float] = []
+
+        def progress(done: int, total: int) -> None:
+            now = time.perf_counter()
+            encodes.append((now - clock[0]) * 1000)
+            clock[0] = now
+            if total > 1:
+                self._say(turn, Working(request, done, total, "replaying"))
+            self._report(request, loaded, at_once=False)
+
+        try:
+            probe = AttentionProbe() if request.wants_attention else None
+            step = playback.at(request.index, probe, intervention, lambda: self._must_yield(turn), progress)
+        finally:
+            loaded.pace.note(float(np.median(encodes)) if encodes else None, None)
+            self._report(request, loaded)
+        loaded.pace.note(None, (time.perf_counter() - clock[0]) * 1000)
+        loaded.state_bytes = step.state.nbytes
+        return step
+
+    def _is_stale(self, turn: PendingRequest) -> bool:
+        return self._is_stopping or not self._book.is_wanted(turn)
+
+    def _must_yield(self, turn: PendingRequest) -> bool:
+        """Asked between steps: nobody wants this, or others have waited long enough. What was laid is kept."""
+        if self._is_stale(turn):
+            return True
+        is_long = time.monotonic() - turn.began > QUANTUM * 2 ** (turn.num_turns - 1)
+        return is_long and self._book.others_wait(turn)
+
+    def _finish(self, turn: PendingRequest, reply: Reply) -> None:
+        if isinstance(reply, Ready):
+            self._recent.keep(reply)
+        if self._book.settle(turn):
+            _deliver(turn, reply)
+
+    def _say(self, turn: PendingRequest, reply: Reply) -> None:
+        if self._book.is_wanted(turn):
+            _deliver(turn, reply)
+
+    def _fail(self, turn: PendingRequest, message: str) -> None:
+        self._finish(turn, Failed(turn.request, message))
+
+    def _report(self, request: FrameRequest, loaded: LoadedPlayback, at_once: bool = True) -> None:
+        """Publish what is cached, as a value that other threads may read."""
+        now = time.monotonic()
+        if at_once or now - self._reported_at > REPORT_INTERVAL:
+            self._reported_at = now
+            self._reports[request.playback] = loaded.playback.cached()
+
+    # While nobody waits.
+
+    def _prepare_model(self) -> None:
+        assert self._to_prepare is not None
+        model_id, precision = self._to_prepare
+        self._to_prepare = None
+        self._is_loading = True
+        try:
+            self._playbacks.start()
+            self._playbacks.model(model_id, precision)
+            self._note_precision(model_id, precision)
+        except Exception:
+            _log.info("preparing %s failed; the first request will say why", model_id, exc_info=True)
+        finally:
+            self._is_loading = False
+
+    def _note_precision(self, model_id: str, precision: str) -> None:
+        model, _ = self._playbacks.model(model_id, precision)
+        runtime = getattr(model, "runtime", None)
+        self._precisions[model_id, precision] = runtime.precision if runtime else "fp32"
+
+    def _is_wanted_elsewhere(self) -> bool:
+        return self._is_stopping or self._book.num_waiting > 0
+
+
+def _ready(
+    loaded: LoadedPlayback,
+    request: FrameRequest,
+    frame: Tensor,
+    attention: Attention | None,
+    began: float,
+    is_approximate: bool = False,
+) -> Ready:
+    return Ready(
+        request=request,
+        frame=_array(frame),
+        attention=attention,
+        milliseconds=(time.perf_counter() - began) * 1000,
+        is_exact=not is_approximate and is_exact(loaded, request),
+        is_approximate=is_approximate,
+        is_cold=request.index < loaded.warm_up,
+        contract=loaded.contract,
+        num_warm=min(request.index, loaded.warm_up) if is_approximate else request.index,
+    )
+
+
+def _array(frame: Tensor) -> Float32[np.ndarray, "h w"]:
+    array = frame[0, 0].float().cpu().numpy()
+    array.flags.writeable = False
+    return array
+
+
+def _deliver(turn: PendingRequest, reply: Reply) -> None:
+    try:
+        turn.deliver(reply)
+    except Exception:
+        _log.info("a reply could not be delivered to %s", turn.visitor, exc_info=True)

@@ -1,0 +1,205 @@
+"""Longer questions to the model: answers that grow while nobody waits for a frame.
+
+A job is a value, like a request: equal jobs have equal answers, which visitors share. It runs on the engine's
+thread as an iterator, one short stretch at a time; between two stretches requests are granted.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from threading import Condition
+from typing import Any, Protocol
+
+from app.catalogue.recording_id import is_of
+from app.engine.playbacks import LoadedPlayback, PlaybackCache
+from app.engine.requests import FrameRequest
+from etnet.errors import Cancelled, EtnetError, ModelError
+
+KEPT_BYTES = 64 << 20
+"""Whole answers that are kept for whoever asks again; the oldest go."""
+
+_log = logging.getLogger(__name__)
+
+
+class Job(Hashable, Protocol):
+    """A question about one moment, or about a stretch of a recording. Frozen; `slots=True` dataclasses do."""
+
+    @property
+    def request(self) -> FrameRequest:
+        """The moment it is about: whose playback it needs."""
+        ...
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[object, float]]:
+        """The answer so far and the share done (0 … 1), again and again; the last one is whole.
+
+        Each stretch between two yields should be about one decode long. Whoever replays passes `cancelled` on; a
+        `Cancelled` that comes out begins the job anew later, when the states that were laid make it shorter.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JobResult:
+    """What is known of a job. `value` is `None` before anything is; `trouble` says why it never will be."""
+
+    job: Job
+    value: Any = None
+    share: float = 0.0
+    is_whole: bool = False
+    trouble: str = ""
+
+
+Tell = Callable[[str, JobResult], None]
+"""Told the slot and the result, on the engine's thread (at once, on the asker's, when the answer is known)."""
+
+
+@dataclass(eq=False, slots=True)
+class _Entry:
+    job: Job
+    tell: Tell
+    answers: Iterator[tuple[object, float]] | None = None
+    newest: tuple[object, float] = (None, 0.0)
+
+
+class JobQueue:
+    """One job a visitor and slot; a newer one replaces it. Slots take turns."""
+
+    def __init__(self, playbacks: PlaybackCache, changed: Condition) -> None:
+        self._playbacks = playbacks
+        self._changed = changed
+        self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
+        self._kept: OrderedDict[Job, tuple[JobResult, int]] = OrderedDict()
+        self._kept_bytes = 0
+
+    def put(self, visitor: str, slot: str, job: Job, tell: Tell) -> None:
+        """Ask; what stood in the slot is forgotten. An answer that is known comes at once."""
+        with self._changed:
+            former = self._entries.pop((visitor, slot), None)
+            known = self._kept.get(job)
+            if known is None:
+                self._entries[visitor, slot] = _Entry(job, tell)
+                self._changed.notify_all()
+            else:
+                self._kept.move_to_end(job)
+        _end(former)
+        if known is not None:
+            _tell(tell, slot, known[0])
+
+    def drop(self, visitor: str, slot: str | None = None) -> None:
+        """Forget one question of a visitor, or all of them."""
+        with self._changed:
+            keys = [key for key in self._entries if key[0] == visitor and slot in (None, key[1])]
+            dropped = [self._entries.pop(key) for key in keys]
+        for entry in dropped:
+            _end(entry)
+
+    def forget(self, recording_id: str) -> None:
+        """Let go of every answer about a recording."""
+        with self._changed:
+            for job in [job for job in self._kept if is_of(job.request.recording_id, recording_id)]:
+                self._kept_bytes -= self._kept.pop(job)[1]
+
+    @property
+    def num_waiting(self) -> int:
+        """JobSink that are not whole yet."""
+        with self._changed:
+            return len(self._entries)
+
+    def work(self, is_wanted_elsewhere: Callable[[], bool]) -> None:
+        """One stretch of the job whose turn it is. Called on the engine's thread alone."""
+        with self._changed:
+            if not self._entries:
+                return
+            key, entry = next(iter(self._entries.items()))
+            self._entries.move_to_end(key)
+        try:
+            self._advance(key, entry, is_wanted_elsewhere)
+        except Cancelled:
+            entry.answers = None
+        except EtnetError as error:
+            self._settle(key, entry, JobResult(entry.job, trouble=str(error)))
+        except MemoryError:
+            trouble = "out of memory; start the viewer with a smaller --budget or with --downsample 2"
+            self._settle(key, entry, JobResult(entry.job, trouble=trouble))
+        except Exception as error:
+            _log.exception("a job failed: %s", entry.job)
+            trouble = f"something unexpected went wrong ({type(error).__name__}: {error})"
+            self._settle(key, entry, JobResult(entry.job, trouble=trouble))
+        finally:
+            if not self._holds(key, entry):
+                _end(entry)
+
+    def _advance(self, key: tuple[str, str], entry: _Entry, is_wanted_elsewhere: Callable[[], bool]) -> None:
+        if entry.answers is None:
+            self._playbacks.start()
+            loaded = self._playbacks.loaded(entry.job.request)
+            _check_index(entry.job.request, loaded)
+            entry.answers = entry.job.run(loaded, lambda: is_wanted_elsewhere() or not self._holds(key, entry))
+        answer = next(entry.answers, None)
+        if answer is not None:
+            entry.newest = answer
+            if answer[1] < 1.0:
+                if self._holds(key, entry):
+                    _tell(entry.tell, key[1], JobResult(entry.job, *answer))
+                return
+        value, _ = entry.newest
+        result = JobResult(entry.job, value, 1.0, is_whole=True)
+        self._keep(result)
+        self._settle(key, entry, result)
+
+    def _holds(self, key: tuple[str, str], entry: _Entry) -> bool:
+        with self._changed:
+            return self._entries.get(key) is entry
+
+    def _settle(self, key: tuple[str, str], entry: _Entry, result: JobResult) -> None:
+        with self._changed:
+            if self._entries.get(key) is not entry:
+                return
+            del self._entries[key]
+        _tell(entry.tell, key[1], result)
+
+    def _keep(self, result: JobResult) -> None:
+        size = num_bytes(result.value)
+        with self._changed:
+            if result.job in self._kept or size > KEPT_BYTES:
+                return
+            self._kept[result.job] = (result, size)
+            self._kept_bytes += size
+            while self._kept_bytes > KEPT_BYTES:
+                self._kept_bytes -= self._kept.popitem(last=False)[1][1]
+
+
+def _end(entry: _Entry | None) -> None:
+    """Let go of an iterator that refers to its entry, so that what it holds ends now and not with the next sweep."""
+    if entry is not None:
+        entry.answers = None
+
+
+def num_bytes(value: object) -> int:
+    """The bytes of all arrays and tensors in a value, through dataclasses, mappings and sequences; 64 for the rest."""
+    if isinstance(value, bytes | bytearray):
+        return len(value)
+    if (size := getattr(value, "nbytes", None)) is not None:
+        return int(size)
+    if is_dataclass(value):
+        return sum(num_bytes(getattr(value, entry.name)) for entry in fields(value))
+    if isinstance(value, dict):
+        return sum(num_bytes(item) for item in value.values())
+    if isinstance(value, list | tuple | set | frozenset):
+        return sum(num_bytes(item) for item in value)
+    return 64
+
+
+def _check_index(request: FrameRequest, loaded: LoadedPlayback) -> None:
+    if not 0 <= request.index < len(loaded.windows):
+        raise ModelError(f"window {request.index} does not exist; this plan has {len(loaded.windows)}")
+
+
+def _tell(tell: Tell, slot: str, result: JobResult) -> None:
+    try:
+        tell(slot, result)
+    except Exception:
+        _log.info("a result could not be delivered", exc_info=True)

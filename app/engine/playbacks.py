@@ -1,0 +1,294 @@
+"""The side of the engine that knows torch: models, playbacks and the one budget of bytes they share.
+
+Used by the engine's thread alone. torch is imported on the first call, never before.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from app.catalogue.models import ModelEntry
+from app.catalogue.recording_id import is_of
+from app.engine.denoised import cleaned_once
+from app.engine.growth import grown_plan
+from app.engine.requests import FrameRequest
+from etnet.errors import ModelError, WindowError
+from etnet.events.recording import Recording
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.windows import Window, from_window
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+    from etnet.nets.runtime import Contract
+    from etnet.playback.playback import Playback
+
+WARM_UP = 20
+"""Windows after which a cold start is called warm, for models whose card does not say.
+
+Measured with the bundled weights of `etnet-half`: after 20 windows a preview differs from the exact frame by 13–15 % of
+the frame's standard deviation (mean absolute; `slider_depth`, `astronaut`), after 8 by 20–27 %, after 30 by 5–9 %.
+"""
+KEPT_MODELS = 5
+KEPT_PLAYBACKS = 8
+ATTENTION_SHARE = 0.125
+"""Of the byte budget, for the queries and keys of the frames last asked for."""
+
+BRANCH_SHARE = 4
+"""A change that is carried on takes this part of its playback's budget."""
+_TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
+_GROWTH = 1.2
+"""A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
+
+Loader = Callable[[ModelEntry, str, str], Any]
+"""(model entry, precision, device) → a reconstructor that is ready to run."""
+
+
+class Library(Protocol):
+    """Where recordings and models come from: the catalogue, or a test's stand-in."""
+
+    def open(self, recording_id: str) -> Recording:
+        """The recording of an id."""
+        ...
+
+    def model(self, model_id: str) -> ModelEntry:
+        """The model of an id."""
+        ...
+
+
+@dataclass(eq=False, slots=True)
+class Pace:
+    """How long encoding and decoding take, ms: running means over what was really done."""
+
+    encode: float | None = None
+    decode: float | None = None
+
+    def note(self, encode: float | None, decode: float | None) -> None:
+        """Add a measurement; the mean follows it by a third."""
+        self.encode = _follow(self.encode, encode)
+        self.decode = _follow(self.decode, decode)
+
+    @property
+    def step(self) -> float | None:
+        """One whole step, ms; `None` before both halves were measured."""
+        return None if self.encode is None or self.decode is None else self.encode + self.decode
+
+    def seek(self, num_replayed: int) -> float:
+        """What a seek over so many windows will take, ms; 0 while nothing was measured."""
+        return (self.encode or 0.0) * num_replayed + (self.decode or 0.0)
+
+
+@dataclass(eq=False, slots=True)
+class LoadedPlayback:
+    """One playback with what the engine has to know of it."""
+
+    playback: Playback
+    contract: Contract
+    warm_up: int
+    pace: Pace
+    expected_step: float
+    """Estimated from a small trial before the first step, ms."""
+    state_bytes: int = 0
+    branch: tuple[tuple[object, ...], Playback] | None = None
+    """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
+
+    def playing(self, request: FrameRequest) -> tuple[Playback, Intervention]:
+        """The playback in which a request's change is carried, and what is left to change when its frame is decoded."""
+        if not request.needs_branch:
+            return self.playback, request.intervention
+        at = request.index if request.since is None else request.since
+        if at > request.index:
+            raise ModelError(f"window {request.index} lies before window {at}, at which the change begins")
+        key = (at, request.intervention, request.edit)
+        if self.branch is None or self.branch[0] != key:
+            share = self.budget_bytes
+            self.branch = key, self.playback.branch(at, request.intervention, request.edit)
+            self.budget_bytes = share
+        return self.branch[1], ORIGINAL
+
+    def grow(self, request: FrameRequest) -> None:
+        """Take in what a recording that is still being made has become."""
+        latest = self.playback.recording.latest
+        if latest is None or request.cold_at or request.index < len(self.windows):
+            return
+        recording = latest()
+        windows = grown_plan(recording, request.policy, self.windows)
+        self.playback.grow(recording, windows)
+        if self.branch is not None:
+            self.branch[1].grow(recording, windows)
+
+    @property
+    def budget_bytes(self) -> int:
+        """Bytes of the playback, and of its branch while there is one."""
+        return self.playback.budget_bytes + (self.branch[1].budget_bytes if self.branch else 0)
+
+    @budget_bytes.setter
+    def budget_bytes(self, budget_bytes: int) -> None:
+        for_branch = budget_bytes // BRANCH_SHARE if self.branch else 0
+        self.playback.budget_bytes = budget_bytes - for_branch
+        if self.branch is not None:
+            self.branch[1].budget_bytes = for_branch
+
+    @property
+    def windows(self) -> Sequence[Window]:
+        """The windows it plays."""
+        return self.playback.windows
+
+    @property
+    def num_states(self) -> int:
+        """States that fit into its budget; 0 while a state's size is not known."""
+        from etnet.playback.playback import STATE_SHARE
+
+        return int(self.playback.budget_bytes * STATE_SHARE) // self.state_bytes if self.state_bytes else 0
+
+
+class PlaybackCache:
+    """Loads models, keeps the playbacks that were used last, and divides the budget among them."""
+
+    def __init__(
+        self, library: Library, budget_bytes: int, device: str, threads: int | None, load: Loader | None = None
+    ) -> None:
+        self._library = library
+        self._budget_bytes = budget_bytes
+        self._device = device
+        self._threads = threads
+        self._load = load or load_network
+        self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
+        self._stages: OrderedDict[tuple[object, ...], LoadedPlayback] = OrderedDict()
+        self._attention: OrderedDict[tuple[object, ...], Attention] = OrderedDict()
+        self._attention_bytes = 0
+
+    def start(self) -> None:
+        """Import torch and set its threads, for this thread and process."""
+        import torch
+
+        if self._threads is not None:
+            torch.set_num_threads(self._threads)
+
+    def has_model(self, request: FrameRequest) -> bool:
+        """Whether the model of a request is loaded."""
+        return (request.model_id, request.precision) in self._models
+
+    def model(self, model_id: str, precision: str) -> tuple[Any, float]:
+        """A model, loaded if need be, and the time of its trial step at 128×96, ms."""
+        key = (model_id, precision)
+        if key not in self._models:
+            model = self._load(self._library.model(model_id), precision, self._device)
+            self._models[key] = (model, _trial_milliseconds(model))
+            while len(self._models) > KEPT_MODELS:
+                gone, _ = self._models.popitem(last=False)
+                self._let_go([name for name in self._stages if (name[1], name[2]) == gone])
+        self._models.move_to_end(key)
+        return self._models[key]
+
+    def loaded(self, request: FrameRequest) -> LoadedPlayback:
+        """The playback of a request, made on demand. Raises EtnetError where recording, windows or model do not fit."""
+        key = request.playback
+        if key not in self._stages:
+            self._stages[key] = self._new_stage(request)
+            self._let_go(list(self._stages)[:-KEPT_PLAYBACKS])
+            self._divide()
+        self._stages.move_to_end(key)
+        self._stages[key].grow(request)
+        return self._stages[key]
+
+    def held(self, request: FrameRequest) -> LoadedPlayback | None:
+        """The playback for a request if there is one; makes none."""
+        return self._stages.get(request.playback)
+
+    def held_keys(self) -> frozenset[tuple[object, ...]]:
+        """Which playbacks are kept, by `FrameRequest.playback`."""
+        return frozenset(self._stages)
+
+    def forget(self, recording_id: str) -> None:
+        """Let go of every playback of a recording."""
+        self._let_go([key for key in self._stages if is_of(str(key[0]), recording_id)])
+
+    def attention(self, request: FrameRequest) -> Attention | None:
+        """The attention of a request's frame, if it is still held."""
+        key = (*request.playback, *request.frame)
+        if key in self._attention:
+            self._attention.move_to_end(key)
+        return self._attention.get(key)
+
+    def keep_attention(self, request: FrameRequest, attention: Attention) -> None:
+        """Hold a frame's attention for whoever asks next; the oldest go when their share of the budget is full."""
+        key = (*request.playback, *request.frame)
+        if key not in self._attention:
+            self._attention_bytes += attention.nbytes
+        self._attention[key] = attention
+        while len(self._attention) > 1 and self._attention_bytes > self._budget_bytes * ATTENTION_SHARE:
+            self._attention_bytes -= self._attention.popitem(last=False)[1].nbytes
+
+    def _new_stage(self, request: FrameRequest) -> LoadedPlayback:
+        from etnet.nets.runtime import contract_of
+        from etnet.playback.playback import Playback
+
+        recording = self._library.open(request.recording_id)
+        recording = cleaned_once(recording, request.cleaning)
+        windows = from_window(grown_plan(recording, request.policy), request.cold_at)
+        if not windows:
+            raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
+        model, trial = self.model(request.model_id, request.precision)
+        playback = Playback(model, recording, windows, self._budget_bytes)
+        warm_up = self._library.model(request.model_id).warm_up or WARM_UP
+        growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
+        return LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
+
+    def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
+        for key in keys:
+            del self._stages[key]
+            for held in [name for name in self._attention if name[: len(key)] == key]:
+                self._attention_bytes -= self._attention.pop(held).nbytes
+        if keys:
+            self._divide()
+
+    def _divide(self) -> None:
+        share = int(self._budget_bytes * (1 - ATTENTION_SHARE)) // max(len(self._stages), 1)
+        for loaded in self._stages.values():
+            loaded.budget_bytes = share
+
+
+def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:
+    """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
+    from etnet.nets.runtime import contract_of
+
+    return request.is_original and contract_of(loaded.playback.model) == loaded.contract
+
+
+def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
+    """The network of an entry, ready to run."""
+    from etnet.nets.own import load_own
+    from etnet.nets.weights import load_model
+
+    if isinstance(entry.source, Path) and entry.source.suffix == ".py":
+        return load_own(entry.source)
+    return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
+
+
+def _trial_milliseconds(model: Any) -> float:
+    """The faster of two steps over an empty 128×96 window, ms."""
+    import torch
+
+    from etnet.nets.runtime import device_of
+
+    device = device_of(model)
+    voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
+    times: list[float] = []
+    with torch.inference_mode():
+        for _ in range(2):
+            began = time.perf_counter()
+            pyramid, _ = model.encode(voxel, None, ORIGINAL)
+            model.decode(pyramid, None, ORIGINAL)
+            times.append((time.perf_counter() - began) * 1000)
+    return min(times)
+
+
+def _follow(mean: float | None, value: float | None) -> float | None:
+    if value is None or mean is None:
+        return mean if value is None else value
+    return mean + (value - mean) / 3

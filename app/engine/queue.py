@@ -1,0 +1,95 @@
+"""What visitors request for: the newest request of each, granted in turn, so that nobody starves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from threading import Condition
+
+from app.engine.requests import FrameRequest, Reply
+
+Deliver = Callable[[Reply], None]
+
+
+@dataclass(eq=False, slots=True)
+class PendingRequest:
+    """One visitor's request, from the asking to the granting. `num_turns`: how often work on it has begun.
+
+    `is_shown`: its frame was delivered already, and only what was wished for beside it is still to come.
+    """
+
+    visitor: str
+    request: FrameRequest
+    deliver: Deliver
+    is_shown: bool = False
+    num_turns: int = 0
+    began: float = field(default_factory=time.monotonic)
+
+
+class RequestQueue:
+    """At most one request a visitor: a newer one replaces it. Whoever was served longest ago is next."""
+
+    def __init__(self) -> None:
+        self.changed = Condition()
+        self._waiting: dict[str, PendingRequest] = {}
+        self._last: dict[str, PendingRequest] = {}
+        self._served_at: dict[str, int] = {}
+        self._clock = 0
+
+    def put(self, visitor: str, request: FrameRequest, deliver: Deliver, is_shown: bool = False) -> PendingRequest:
+        """FrameRequest for something; what the visitor wished for before is forgotten."""
+        with self.changed:
+            turn = PendingRequest(visitor, request, deliver, is_shown)
+            self._waiting[visitor] = self._last[visitor] = turn
+            self._served_at.setdefault(visitor, 0)
+            self.changed.notify_all()
+            return turn
+
+    def drop(self, visitor: str) -> None:
+        """Forget a visitor who has left."""
+        with self.changed:
+            for held in (self._waiting, self._last, self._served_at):
+                held.pop(visitor, None)
+            self.changed.notify_all()
+
+    def next_turn(self) -> PendingRequest | None:
+        """The waiting request whose visitor was served longest ago; it stays in the book until it is settled."""
+        with self.changed:
+            if not self._waiting:
+                return None
+            turn = min(self._waiting.values(), key=lambda turn: self._served_at[turn.visitor])
+            self._clock += 1
+            self._served_at[turn.visitor] = self._clock
+            turn.num_turns += 1
+            turn.began = time.monotonic()
+            return turn
+
+    def is_wanted(self, turn: PendingRequest) -> bool:
+        """Whether this very request still waits."""
+        with self.changed:
+            return self._waiting.get(turn.visitor) is turn
+
+    def settle(self, turn: PendingRequest) -> bool:
+        """Take the request out as granted or refused; `False` if it is not wanted any more."""
+        with self.changed:
+            if self._waiting.get(turn.visitor) is not turn:
+                return False
+            del self._waiting[turn.visitor]
+            return True
+
+    def others_wait(self, turn: PendingRequest) -> bool:
+        """Whether anybody but this visitor waits."""
+        with self.changed:
+            return any(visitor != turn.visitor for visitor in self._waiting)
+
+    @property
+    def num_waiting(self) -> int:
+        """RequestSink not yet granted."""
+        with self.changed:
+            return len(self._waiting)
+
+    def last_turns(self) -> list[PendingRequest]:
+        """The newest request of everybody who is here, granted or not; the most recently served first."""
+        with self.changed:
+            return sorted(self._last.values(), key=lambda turn: -self._served_at.get(turn.visitor, 0))

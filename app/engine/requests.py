@@ -1,0 +1,115 @@
+"""What a visitor requests to see of the model, and what comes back: plain values that cross threads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.state.intents import Precision
+from etnet.events.denoise import UNCLEANED, Cleaning
+from etnet.events.edit import UNEDITED, EventEdit
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.windows import Policy
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+    from etnet.nets.runtime import Contract
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRequest:
+    """One window's reconstruction, by one model, under one plan of windows. Equal requests have equal frames."""
+
+    recording_id: str
+    model_id: str
+    precision: Precision
+    policy: Policy
+    index: int
+    wants_attention: bool = False
+    intervention: Intervention = ORIGINAL
+    edit: EventEdit = UNEDITED
+    since: int | None = None
+    """From which window on `intervention` and `edit` are carried in the memory; `None`: in this window alone."""
+    cleaning: Cleaning = UNCLEANED
+    """What is taken out of the recording before it is cut into windows."""
+    cold_at: int = 0
+    """The plan's window at which the memory is empty; `index` counts from there."""
+
+    @property
+    def frame(self) -> tuple[object, ...]:
+        """What tells its frame from every other, beside the playback."""
+        return self.index, *self.change
+
+    @property
+    def change(self) -> tuple[Intervention, EventEdit, int | None]:
+        """What is done to the network and its events on purpose."""
+        return self.intervention, self.edit, self.since
+
+    @property
+    def is_original(self) -> bool:
+        """Whether the network and its events are left as they are."""
+        return self.intervention == ORIGINAL and self.edit == UNEDITED
+
+    @property
+    def needs_branch(self) -> bool:
+        """Whether what is changed reaches the memory, and not the decoding alone."""
+        return self.intervention.changes_memory or not self.edit.changes_nothing
+
+    @property
+    def plain(self) -> FrameRequest:
+        """The same window, with nothing changed and nothing probed: what jobs of the original are about."""
+        return replace(self, wants_attention=False, intervention=ORIGINAL, edit=UNEDITED, since=None)
+
+    @property
+    def playback(self) -> tuple[str, str, Precision, Policy, Cleaning, int]:
+        """What shares one playback: everything but the index."""
+        return self.recording_id, self.model_id, self.precision, self.policy, self.cleaning, self.cold_at
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A frame: the network's raw, unclipped output at sensor size.
+
+    `milliseconds` is what this reply took (almost nothing for a cached frame). `is_exact`: equal, bit for bit, to the
+    sequential run under `contract`. `is_approximate`: a preview from a cold start `num_warm` windows earlier.
+    `is_cold`: fewer windows lie behind this frame than the network needs to warm up.
+    """
+
+    request: FrameRequest
+    frame: Float32[np.ndarray, "h w"]
+    attention: Attention | None
+    milliseconds: float
+    is_exact: bool
+    is_approximate: bool
+    is_cold: bool
+    contract: Contract
+    num_warm: int
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What tells this frame's pixels from any other's; pictures of it are shared by this."""
+        return (*self.request.playback, *self.request.frame, self.is_approximate, self.contract)
+
+
+@dataclass(frozen=True, slots=True)
+class Working:
+    """The request is being worked on: `done` of `total` windows, and what is being done in plain words."""
+
+    request: FrameRequest
+    done: int
+    total: int
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The request cannot be granted; `message` says why and what to do."""
+
+    request: FrameRequest
+    message: str
+
+
+Reply = Ready | Working | Failed

@@ -1,0 +1,66 @@
+"""Threads that are used again: what a library keeps for a thread, it may keep for ever.
+
+OpenCV 5.0 holds 880 bytes of every thread that ever drew with it, whether it still runs or not. Every visit has a
+thread, so a server that runs for days would grow by what is left of its visitors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Event, Lock, Thread, current_thread
+
+MOST_IDLE = 32
+"""Threads that wait for work; one that finds so many waiting already ends."""
+IDLE = "idle"
+"""The name of a thread that waits."""
+
+Work = Callable[[], object]
+_Mail = SimpleQueue[tuple[Work, str, Event]]
+
+
+class ThreadPool:
+    """Starts work on a thread that waits, or on a new one. Safe from all threads."""
+
+    def __init__(self, most_idle: int = MOST_IDLE) -> None:
+        self._most_idle = most_idle
+        self._idle: list[_Mail] = []
+        self._lock = Lock()
+
+    def start(self, work: Work, name: str) -> Event:
+        """Do `work` beside the caller; the event is set when it has ended, well or not.
+
+        `name` is the thread's while it lasts. The process does not wait for it. An error that comes out of `work`
+        goes where a thread's errors go (`threading.excepthook`) and ends the thread.
+        """
+        ended = Event()
+        with self._lock:
+            # The one that has waited for the shortest time: when a crowd has gone, most of its threads stay asleep.
+            mail = self._idle.pop() if self._idle else None
+        if mail is None:
+            mail = _Mail()
+            Thread(target=self._serve, args=(mail,), daemon=True, name=IDLE).start()
+        mail.put((work, name, ended))
+        return ended
+
+    def _serve(self, mail: _Mail) -> None:
+        while True:
+            _do(*mail.get())
+            with self._lock:
+                if len(self._idle) >= self._most_idle:
+                    return
+                self._idle.append(mail)
+
+
+def _do(work: Work, name: str, ended: Event) -> None:
+    """In a function of its own, so that a thread that waits refers to nothing of what it did."""
+    current_thread().name = name
+    try:
+        work()
+    finally:
+        current_thread().name = IDLE
+        ended.set()
+
+
+THREADS = ThreadPool()
+"""The process's own."""

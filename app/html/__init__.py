@@ -1,0 +1,1 @@
+"""Building blocks of every view's HTML: elements, units, tones, the moment on the page. Knows no view."""

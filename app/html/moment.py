@@ -1,0 +1,69 @@
+"""One window of one recording, ready to be drawn: its events and voxel grid are read once for all panels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.engine.byte_cache import ByteCache
+from etnet.events.events import Events
+from etnet.events.recording import Recording
+from etnet.voxel import voxel_array
+from etnet.windows import Policy, Window
+
+NUM_BINS = 5
+
+PICTURES = ByteCache(64 << 20)
+"""Encoded pictures and panels of all visitors."""
+ARRAYS = ByteCache(96 << 20)
+"""Events and voxel grids of the moments that were last looked at."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Equal moments (same recording, policy and index) have equal pictures, whoever looks."""
+
+    recording_id: str
+    policy: Policy
+    index: int
+    recording: Recording = field(compare=False, repr=False)
+    windows: Sequence[Window] = field(compare=False, repr=False)
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What tells this moment from every other."""
+        return self.recording_id, self.policy, self.index
+
+    @property
+    def window(self) -> Window:
+        """The window on show."""
+        return ARRAYS.get(("window", *self.key), lambda: self.windows[self.index])
+
+    @property
+    def events(self) -> Events:
+        """The window's events."""
+        window = self.window
+        return ARRAYS.get(("events", *self.key), lambda: self.recording.read(window.start, window.stop), _events_bytes)
+
+    @property
+    def voxel(self) -> Float32[np.ndarray, "bins h w"]:
+        """The window's voxel grid, without the normalisation that some models add."""
+        return ARRAYS.get(("voxel", *self.key), lambda: voxel_array(self.events, NUM_BINS), lambda grid: grid.nbytes)
+
+    @property
+    def seconds(self) -> tuple[float, float]:
+        """Start and end of the window in seconds since the recording's first event."""
+        start = self.recording.span.start
+        return (self.window.t_start - start) / 1e6, (self.window.t_stop - start) / 1e6
+
+    @property
+    def events_per_pixel(self) -> float:
+        """How dense the window is."""
+        return self.window.num_events / self.recording.sensor.num_pixels
+
+
+def _events_bytes(events: Events) -> int:
+    return 13 * len(events)

@@ -1,0 +1,217 @@
+"""The three pictures of one moment: what the sensor reported, what the network makes of it, what a camera saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import UInt8
+
+from app.engine.requests import Failed, Ready, Working
+from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
+from app.html.moment import ARRAYS, PICTURES, Moment
+from app.html.units import count, milliseconds, short
+from app.state.view_state import ViewState
+from etnet.render.colours import OFF, ON, counting, css_gradient, diverging, hexadecimal
+from etnet.render.encode import data_url
+from etnet.render.events import BUSY, EventStyle, event_image
+from etnet.render.tone import Tone, resolve, tone_map
+
+_TONE_WORDS = {
+    "raw": "brightness as it comes",
+    "gamma": "display gamma 2.2",
+    "robust": "stretched, 1st … 99th percentile",
+    "hdr": "auto HDR: this frame’s black and white",
+    "clahe": "local contrast (CLAHE)",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Tones:
+    """How grey values are shown. `is_linear_light` is what the model's card says of its frames."""
+
+    tone: Tone = "auto"
+    is_linear_light: bool = True
+
+    @staticmethod
+    def of(state: ViewState, is_linear_light: bool) -> Tones:
+        """As a visitor chose."""
+        return Tones(state.tone, is_linear_light)
+
+
+def reconstruction_image(ready: Ready, tones: Tones) -> UInt8[np.ndarray, "h w"]:
+    """The reconstruction in grey levels."""
+    key = ("grey", ready.key, tones)
+    return ARRAYS.get(key, lambda: tone_map(ready.frame, tones.tone, tones.is_linear_light), lambda grey: grey.nbytes)
+
+
+def camera_image(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"], int] | None:
+    """The camera frame nearest to the window's end, in the reconstruction's tone, and its stamp (µs)."""
+    truth = moment.recording.ground_truth
+    if truth is None or len(truth) == 0:
+        return None
+    index = truth.nearest(moment.window.t_stop)
+    key = ("camera", moment.recording_id, index, tones)
+    grey = ARRAYS.get(
+        key, lambda: tone_map(truth.read_frame(index), tones.tone, tones.is_linear_light), lambda made: made.nbytes
+    )
+    return grey, int(truth.stamps[index])
+
+
+def reconstruction_html(
+    ready: Ready | None,
+    *,
+    tones: Tones,
+    wanted: int | None = None,
+    query: tuple[int, int] | None = None,
+    working: Working | None = None,
+    failed: Failed | None = None,
+    on_pick: str = "",
+) -> str:
+    """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come."""
+    lag = lag_line(ready, wanted, working, failed)
+    if ready is None:
+        headline = "No image yet" if failed is None else "No image"
+        body = empty(headline, "The network rebuilds brightness from events alone; its first image appears here.")
+        return panel("reconstruction", body, lag)
+    height, width = ready.frame.shape
+    url = PICTURES.text(
+        ("frame", ready.key, tones), lambda: data_url(reconstruction_image(ready, tones), is_lossless=False)
+    )
+    marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
+    image = picture(
+        url,
+        f"Reconstruction of window {ready.request.index}",
+        key="pixel",
+        on_pick=on_pick,
+        marks=marks,
+        size=(width, height),
+    )
+    lags = "et-lags" if wanted not in (None, ready.request.index) else ""
+    return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones))
+
+
+def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, failed: Failed | None) -> str:
+    """What is on show and what is being computed; nothing when the wanted frame is there."""
+    if failed is not None:
+        return f'<div class="et-failed" role="alert" data-testid="failed">{escape(failed.message)}</div>'
+    if wanted is None:
+        return ""
+    is_there = ready is not None and ready.request.index == wanted and not ready.is_approximate
+    if is_there and working is None:
+        return ""
+    total = working.total if working else 0
+    share = working.done / total if working and total else 0.0
+    shown = "" if ready is None or ready.request.index == wanted else f"showing {count(ready.request.index)}, "
+    how_far = f" ({working.done} of {total})" if working and total else ""
+    text = (
+        working.message if working and not total and working.message else f"{shown}computing {count(wanted)}{how_far}"
+    )
+    waits = "" if total else " et-bar-wait"
+    return (
+        f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>'
+        f'<div class="et-bar{waits}"><i style="width:{share:.0%}"></i></div></div>'
+    )
+
+
+def badges(ready: Ready, tones: Tones) -> str:
+    """What may be claimed of this frame, as small badges."""
+    found: list[str] = []
+    if ready.is_exact:
+        found.append(chip("exact", "exact", "Equal, bit for bit, to running every window from the first one on"))
+    elif ready.is_approximate:
+        found.append(
+            chip(
+                "approximate preview",
+                "warning",
+                f"From a cold start {ready.num_warm} windows earlier; the exact frame follows",
+            )
+        )
+    elif not ready.request.is_original:
+        found.append(chip("changed", "warning", "A part of the network or its events is changed"))
+        found.append('<button class="et-button" data-k="inside:back" data-pick="1">put back</button>')
+    else:
+        found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
+    if ready.is_cold:
+        found.append(chip("warming up", "plain", "Near the first window the network has seen too little to be sure"))
+    tone = _TONE_WORDS[resolve(tones.tone, tones.is_linear_light)]
+    found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)} · {escape(tone)}</span>')
+    return f'<div class="et-chips">{"".join(found)}</div>'
+
+
+def camera_frame_html(moment: Moment, *, tones: Tones, on_pick: str = "") -> str:
+    """The ordinary camera's frame at this moment, in the same tone, or why there is none."""
+    found = camera_image(moment, tones)
+    if found is None:
+        body = empty(
+            "No camera frame in this recording",
+            "This sensor, or this file, holds events only. There is no ordinary image to compare with.",
+        )
+        return panel("camera", body)
+    grey, stamp = found
+    height, width = grey.shape
+    key = ("camera", moment.recording_id, stamp, tones)
+    url = PICTURES.text(key, lambda: data_url(grey, is_lossless=False))
+    image = picture(url, "Camera frame", key="pixel", on_pick=on_pick, size=(width, height))
+    offset = (stamp - moment.window.t_stop) / 1000
+    when = "taken as this window ends" if abs(offset) < 0.05 else _beside(offset)
+    return panel("camera", image, f'<div class="et-caption"><span>{escape(when)}</span></div>')
+
+
+def _beside(offset_ms: float) -> str:
+    side = "after" if offset_ms > 0 else "before"
+    return f"taken {milliseconds(abs(offset_ms))} {side} this window ends"
+
+
+def event_image_html(moment: Moment, style: EventStyle, *, on_pick: str = "") -> str:
+    """All events of the window in one picture, with a legend in numbers."""
+    key = ("events", moment.key, style)
+    return PICTURES.text((*key, on_pick), lambda: _event_image_html(moment, style, on_pick))
+
+
+def event_picture(moment: Moment, style: EventStyle) -> tuple[UInt8[np.ndarray, "h w 3"], float]:
+    """The event image as an array, and the number its brightest colour stands for."""
+    window = moment.window
+    return ARRAYS.get(
+        ("event picture", moment.key, style),
+        lambda: event_image(moment.events, style, window.t_start, window.t_stop),
+        lambda made: made[0].nbytes,
+    )
+
+
+def _event_image_html(moment: Moment, style: EventStyle, on_pick: str) -> str:
+    image, limit = event_picture(moment, style)
+    height, width = image.shape[:2]
+    num_on = int((moment.events.p > 0).sum())
+    total = moment.window.num_events
+    shown = picture(
+        data_url(image, is_lossless=True),
+        f"{count(total)} events of window {moment.index}",
+        key="pixel",
+        on_pick=on_pick,
+        size=(width, height),
+        classes="et-sharp" if width < 200 else "",
+    )
+    hues = "".join(
+        [
+            swatch(hexadecimal(ON), f"brighter (ON) {count(num_on)}"),
+            swatch(hexadecimal(OFF), f"darker (OFF) {count(total - num_on)}"),
+        ]
+    )
+    if total == 0:
+        return panel("events", shown, '<div class="et-note">No pixel reported a change in this window.</div>')
+    return panel("events", shown, f'<div class="et-swatches">{hues}</div>', _event_legend(style, limit))
+
+
+def _event_legend(style: EventStyle, limit: float) -> str:
+    match style:
+        case "polarity":
+            return f'<div class="et-note">hue: the newest event · strongest from {BUSY} events on</div>'
+        case "count":
+            ticks = [(0.0, "0"), (1.0, f"≥ {short(limit)}")]
+            return legend("events per pixel, both polarities", css_gradient(counting()), ticks)
+        case "time surface":
+            return f'<div class="et-note">hue: the newest event · bright: now · dark: {short(limit)} ms ago</div>'
+        case "decay":
+            ticks = [(0.0, f"−{short(limit)}"), (0.5, "0"), (1.0, f"+{short(limit)}")]
+            return legend("signed events, older ones fading", css_gradient(diverging()), ticks)

@@ -1,0 +1,79 @@
+"""What the engine has answered to one visitor: the newest picture, how far the next one is, what went wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
+from app.state.view_state import ViewState
+
+
+class NewestFrames:
+    """Folds replies in the order they come; those to a request of another playback are no news."""
+
+    def __init__(self) -> None:
+        self.request: FrameRequest | None = None
+        self.ready: Ready | None = None
+        self.working: Working | None = None
+        self.failed: Failed | None = None
+
+    def ask(self, request: FrameRequest) -> bool:
+        """Note the newest request; whether it has to go to the engine."""
+        if request == self.request:
+            return False
+        if self.request is None or request.recording_id != self.request.recording_id:
+            # Another recording's picture says nothing here; another model's or precision's may stand in for a while.
+            self.ready = None
+        is_changed = self.request is not None and self.ready is not None and request.change != self.ready.request.change
+        if is_changed and self.ready is not None:
+            # What is on show until the answer comes is not what the network, as it is changed now, gives.
+            self.ready = replace(self.ready, is_exact=False)
+        waits = Working(request, 0, 0, "computing with the change") if is_changed and not request.is_original else None
+        self.request, self.working, self.failed = request, waits, None
+        return True
+
+    def take(self, reply: Reply) -> bool:
+        """Fold one reply; whether anything changed."""
+        if self.request is None or reply.request.playback != self.request.playback:
+            return False
+        match reply:
+            case Ready():
+                return self._take_ready(reply)
+            case Working():
+                if reply.request != self.request:
+                    return False
+                self.working = reply
+            case Failed():
+                if reply.request != self.request:
+                    return False
+                self.failed, self.working = reply, None
+        return True
+
+    @property
+    def index(self) -> int | None:
+        """The window of the newest finished picture; previews do not count."""
+        return None if self.ready is None or self.ready.is_approximate else self.ready.request.index
+
+    def shows(self, state: ViewState) -> bool:
+        """Whether there is a picture, and with a pixel chosen what the network compared it with (or, of a network that
+        compares nothing, the answer that it does not)."""
+        if self.ready is None or state.query is None:
+            return self.ready is not None
+        request = self.ready.request
+        return request.wants_attention and request.index == state.index and not self.ready.is_approximate
+
+    def _take_ready(self, reply: Ready) -> bool:
+        held, request = self.ready, self.request
+        is_worse = (
+            held is not None
+            and held.request.playback == reply.request.playback
+            and held.request.index == reply.request.index
+            and not held.is_approximate
+            and reply.is_approximate
+        )
+        if is_worse:
+            return False
+        self.ready = reply
+        if reply.request == request and not reply.is_approximate:
+            self.working = self.failed = None
+        return True

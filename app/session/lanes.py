@@ -1,0 +1,240 @@
+"""One visitor's further lanes: their windows are planned beside the page, each has its own request at the engine."""
+
+from __future__ import annotations
+
+import bisect
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
+
+from app.catalogue.models import ModelEntry
+from app.catalogue.visitor import VisitorCatalogue
+from app.engine.denoised import cleaned_once
+from app.engine.playbacks import WARM_UP
+from app.engine.queue import Deliver
+from app.engine.requests import FrameRequest, Reply
+from app.engine.threads import THREADS
+from app.html.moment import Moment
+from app.html.pictures import Tones
+from app.session.frames import NewestFrames
+from app.state.view_state import Limits, ViewState
+from app.views.compare.html.lane import LaneShown, Truth
+from app.views.compare.state import MOST_LANES, Lane
+from etnet.errors import EtnetError, WindowError
+from etnet.events.denoise import Cleaning
+from etnet.events.recording import Recording
+from etnet.windows import Policy, Window, from_window, plan_windows
+
+KEPT_PLANS = 4
+"""Plans that are held; one of cleaned events holds four bytes an event."""
+
+
+@dataclass(frozen=True, slots=True)
+class LanePlan:
+    """How a lane cuts a recording, and from which stamp (µs) on it sees it."""
+
+    recording_id: str
+    policy: Policy
+    cleaning: Cleaning
+    cold_from: int | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LanePlanned:
+    """A letter: a lane's windows, and the number of the first one in its policy's plan; or why there are none."""
+
+    plan: LanePlan
+    windows: Sequence[Window] = ()
+    cold_at: int = 0
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneReply:
+    """A letter: the engine's reply to the request of lane `number` (1 is the first beside the main one)."""
+
+    number: int
+    reply: Reply
+
+
+class RequestSink(Protocol):
+    """The engine, as far as requests go."""
+
+    def request(self, visitor: str, request: FrameRequest, deliver: Deliver) -> None:
+        """FrameRequest for something."""
+        ...
+
+    def drop(self, visitor: str) -> None:
+        """Forget all requests and jobs of a visitor."""
+        ...
+
+
+class VisitorLanes:
+    """Keeps what is asked of the engine equal to the lanes of the view. Used by the visitor's thread alone."""
+
+    def __init__(
+        self,
+        engine: RequestSink,
+        catalogue: VisitorCatalogue,
+        visitor: str,
+        post: Callable[[LanePlanned | LaneReply], None],
+    ) -> None:
+        self._engine = engine
+        self._catalogue = catalogue
+        self._visitor = visitor
+        self._post = post
+        self._answers = [NewestFrames() for _ in range(MOST_LANES + 1)]
+        self._asked: set[int] = set()
+        self._plans: OrderedDict[LanePlan, LanePlanned] = OrderedDict()
+        self._planning: set[LanePlan] = set()
+
+    def take(self, letter: LanePlanned | LaneReply) -> bool:
+        """Fold one letter; whether it is news."""
+        if isinstance(letter, LaneReply):
+            return letter.number in self._asked and self._answers[letter.number].take(letter.reply)
+        self._planning.discard(letter.plan)
+        self._plans[letter.plan] = letter
+        while len(self._plans) > KEPT_PLANS:
+            self._plans.popitem(last=False)
+        return True
+
+    def lanes(self, state: ViewState, moment: Moment | None, main: NewestFrames) -> tuple[LaneShown, ...]:
+        """All lanes at this moment, the main one first; none while nothing is compared. Plans what is not planned."""
+        if state.compare.inspector not in ("lanes", "scores") or moment is None:
+            self._plans.clear()
+            return ()
+        return (
+            self._shown(0, Lane(), state, moment, main),
+            *(
+                self._shown(number, lane, state, moment, self._answers[number])
+                for number, lane in enumerate(state.compare.lanes, start=1)
+            ),
+        )
+
+    def ask(self, state: ViewState, lanes: Sequence[LaneShown]) -> None:
+        """FrameRequest for every lane's frame that is on show; what is not shown any more is dropped."""
+        wanted = (
+            {lane.number: lane.request for lane in lanes[1:] if lane.request}
+            if state.compare.inspector == "lanes"
+            else {}
+        )
+        for number in self._asked - set(wanted):
+            self.drop(number)
+        for number, request in wanted.items():
+            self._asked.add(number)
+            if self._answers[number].ask(request):
+                self._engine.request(self._lane(number), request, self._reply_to(number))
+
+    def drop(self, number: int) -> None:
+        """Nothing more is computed for this lane."""
+        self._asked.discard(number)
+        self._answers[number] = NewestFrames()
+        self._engine.drop(self._lane(number))
+
+    def close(self) -> None:
+        """The visitor has gone."""
+        for number in list(self._asked):
+            self.drop(number)
+
+    def _lane(self, number: int) -> str:
+        return f"{self._visitor}/lane{number}"
+
+    def _reply_to(self, number: int) -> Deliver:
+        return lambda reply: self._post(LaneReply(number, reply))
+
+    def _shown(self, number: int, lane: Lane, state: ViewState, moment: Moment, answers: NewestFrames) -> LaneShown:
+        try:
+            model = self._catalogue.model(lane.model_id or state.model_id)
+        except EtnetError as error:
+            return _untold(number, lane, str(error))
+        plan = LanePlan(state.recording_id, lane.policy or moment.policy, lane.cleaning, lane.cold_from)
+        planned = self._planned(plan, moment)
+        if planned is None or planned.trouble:
+            return replace(_untold(number, lane, planned.trouble if planned else ""), model_title=model.title)
+        # Windows may end at one stamp: in the main lane's own plan the window is known.
+        is_same_plan = planned.windows is moment.windows
+        index = moment.index if is_same_plan else Limits(windows=planned.windows).index_at(moment.window.t_stop)
+        precision = lane.precision or state.precision
+        request = FrameRequest(
+            state.recording_id,
+            model.id,
+            precision,
+            plan.policy,
+            index,
+            cleaning=lane.cleaning,
+            cold_at=planned.cold_at,
+        )
+        if number == 0 and answers.request is not None and answers.request.index == index:
+            # The main lane shows what was changed inside the network, and is scored so.
+            intervention, edit, since = answers.request.change
+            request = replace(request, intervention=intervention, edit=edit, since=since)
+        return _told(number, lane, request, planned.windows, model, state, moment, answers)
+
+    def _planned(self, plan: LanePlan, moment: Moment) -> LanePlanned | None:
+        """The windows of a plan, if they are there; otherwise they are planned beside the page."""
+        if plan == LanePlan(moment.recording_id, moment.policy, Cleaning(), None):
+            return LanePlanned(plan, moment.windows)
+        if plan in self._plans:
+            self._plans.move_to_end(plan)
+            return self._plans[plan]
+        if plan not in self._planning:
+            self._planning.add(plan)
+            THREADS.start(partial(self._plan, plan, moment.recording), "planning")
+        return None
+
+    def _plan(self, plan: LanePlan, recording: Recording) -> None:
+        try:
+            windows = plan_windows(cleaned_once(recording, plan.cleaning), plan.policy)
+            cold_at = 0
+            if plan.cold_from is not None:
+                cold_at = bisect.bisect_left(windows, plan.cold_from, key=lambda window: window.t_start)
+            if cold_at >= len(windows):
+                raise WindowError("no window begins after this moment; start cold earlier")
+            self._post(LanePlanned(plan, from_window(windows, cold_at), cold_at))
+        except EtnetError as error:
+            self._post(LanePlanned(plan, trouble=str(error)))
+
+
+def _untold(number: int, lane: Lane, trouble: str) -> LaneShown:
+    return LaneShown(number, lane, None, None, 0, "", None, WARM_UP, Tones(), None, trouble=trouble)
+
+
+def _told(
+    number: int,
+    lane: Lane,
+    request: FrameRequest,
+    windows: Sequence[Window],
+    model: ModelEntry,
+    state: ViewState,
+    moment: Moment,
+    answers: NewestFrames,
+) -> LaneShown:
+    ready = answers.ready
+    if ready is not None and ready.request.playback != request.playback:
+        ready = None  # what another network made would stand under this one's name
+    window = windows[request.index]
+    return LaneShown(
+        number,
+        lane,
+        request,
+        window,
+        len(windows),
+        model.title,
+        model.trained_band,
+        model.warm_up or WARM_UP,
+        Tones.of(state, model.is_linear_light),
+        _truth(moment, window.t_stop, state.compare.offset),
+        ready,
+        answers.working,
+        answers.failed,
+    )
+
+
+def _truth(moment: Moment, t_stop: int, offset: int) -> Truth | None:
+    source = moment.recording.ground_truth
+    if source is None or len(source) == 0:
+        return None
+    index = source.nearest(t_stop - offset)
+    return Truth(index, int(source.stamps[index]) + offset - t_stop)

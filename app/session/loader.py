@@ -1,0 +1,111 @@
+"""What one visitor has open: the recording and its windows, or why there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from app.catalogue.part_id import whole_id
+from app.catalogue.visitor import VisitorCatalogue
+from app.engine.growth import grown_plan
+from app.html.moment import Moment
+from app.session.opening import Opened, Opener, Opening, Plan, Unopened
+from app.state import intents as ask
+from app.state.view_state import Limits, ViewState
+from etnet.errors import EtnetError
+
+
+class RecordingLoader:
+    """Keeps what is open equal to what the view asks for. Used by the visitor's thread alone."""
+
+    def __init__(self, catalogue: VisitorCatalogue, post: Callable[[Opened | Unopened | Opening], None]) -> None:
+        self._catalogue = catalogue
+        self._opener = Opener(catalogue, post)
+        self._aims_at: tuple[int, int] | None = None
+        """A moment (µs) that is still to be made, and the window that is shown instead."""
+        self._opened: Opened | None = None
+        self._refused: Plan | None = None
+        self.trouble = ""
+        """Why there is no moment, in plain words."""
+
+    def limits(self, state: ViewState) -> Limits:
+        """What the reducer may do; nothing is known while another recording is open than the view's."""
+        held = self._of(state)
+        return Limits() if held is None else held.limits
+
+    def moment(self, state: ViewState) -> Moment | None:
+        """The window that the view asks for, if its recording is open and cut as it says."""
+        held = self._of(state)
+        if held is None or held.policy != state.policy:
+            return None
+        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
+
+    def want(self, state: ViewState) -> None:
+        """Begin to open what the view asks for, unless it is there, or was refused."""
+        plan = _plan_of(state)
+        is_outgrown = self._opened is not None and self._opened.is_outgrown
+        if (self.moment(state) is None or is_outgrown) and plan != self._refused:
+            self._catalogue.looks_at(plan.recording_id)
+            self._opener.want(plan)
+
+    @property
+    def share(self) -> float | None:
+        """How much of the file on show is indexed by now; `None` where it is all there."""
+        return None if self._opened is None else self._opened.share
+
+    def take(self, item: Opened | Unopened | Opening, state: ViewState) -> tuple[tuple[ask.Intent, ...], str]:
+        """Fold one letter of the opener: what follows for the view, and what is to be said of a failure."""
+        if isinstance(item, Opening):
+            if item.plan.recording_id == _plan_of(state).recording_id and self.moment(state) is None:
+                self.trouble = f"It is being opened: {item.share:.0%}."
+            return (), ""
+        self._opener.heard(item.plan)
+        if item.plan != _plan_of(state):
+            return (), ""
+        if isinstance(item, Opened):
+            self._opened, self._refused, self.trouble = item, None, ""
+            last = len(item.windows) - 1
+            is_beyond = state.moment is not None and state.moment > item.windows[last].t_stop
+            self._aims_at = (state.moment, last) if is_beyond and state.moment is not None else None
+            return (ask.RenameRecording(item.recording_id), ask.Settle(item.policy)), ""
+        held = self._opened
+        if held is not None and held.plan.recording_id == item.plan.recording_id:
+            if held.policy == item.plan.policy:
+                self._refused = item.plan  # a part that could not become whole stays what it is
+            return (ask.ChoosePolicy(held.policy),), item.message  # the windows that worked
+        self._opened, self._refused, self.trouble = None, item.plan, item.message
+        return (), item.message
+
+    def grow(self, state: ViewState) -> tuple[bool, ask.Intent | None]:
+        """Take in what a recording that is still being made has become: whether it has, and what follows."""
+        held = self._of(state)
+        if held is None or held.recording.latest is None:
+            return False, None
+        try:
+            recording = held.recording.latest()
+        except EtnetError:
+            return False, None  # it is taken away; whoever opens it next is told
+        if recording is held.recording:
+            return False, None
+        windows = grown_plan(recording, held.policy, held.windows)
+        self._opened = replace(held, recording=recording, windows=windows)
+        return True, self._nearer(state, self._opened)
+
+    def _nearer(self, state: ViewState, held: Opened) -> ask.Intent | None:
+        """On to the moment that was asked for, as far as it is made; not where the visitor has gone elsewhere."""
+        if self._aims_at is None or state.index != self._aims_at[1] or state.is_playing:
+            self._aims_at = None
+            return None
+        stamp, _ = self._aims_at
+        index = held.limits.index_at(stamp)
+        last = len(held.windows) - 1
+        self._aims_at = (stamp, index) if index == last and held.recording.latest is not None else None
+        return ask.Seek(index)
+
+    def _of(self, state: ViewState) -> Opened | None:
+        held = self._opened
+        return held if held is not None and held.recording_id == state.recording_id else None
+
+
+def _plan_of(state: ViewState) -> Plan:
+    return Plan(whole_id(state.recording_id), state.policy)

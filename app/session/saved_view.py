@@ -1,0 +1,54 @@
+"""A view survives a reload and a reconnect: it is kept in the visitor's own browser, one for each tab."""
+
+from __future__ import annotations
+
+import time
+
+import viser
+
+from app.state.stored import from_text, to_text
+from app.state.view_state import ViewState
+
+PATIENCE = 2.0
+"""Seconds to wait for the browser's answer."""
+BETWEEN_WRITES = 0.7
+
+
+class SavedView:
+    """Reads and writes one tab's view. `default.recording_id` is part of the key: another start has other views."""
+
+    def __init__(self, client: viser.ClientHandle, default: ViewState) -> None:
+        self._client = client
+        self._default = default
+        self._tab: int | None = None
+        self._kept = ""
+        self._kept_at = 0.0
+
+    @property
+    def knows_tab(self) -> bool:
+        """Whether the page has said which tab it is."""
+        return self._tab is not None
+
+    def recall(self, tab: int) -> tuple[ViewState, tuple[str, ...]]:
+        """The view that this tab had, and what of it was refused. The default for a new tab, or a silent browser."""
+        self._tab = tab
+        try:
+            text = self._client.local_storage.get_item(self._key, timeout=PATIENCE)
+        except (TimeoutError, RuntimeError):
+            return self._default, ()
+        return (self._default, ()) if text is None else from_text(text, self._default)
+
+    def keep(self, state: ViewState) -> bool:
+        """Store the view, not more often than useful; whether it now stands in the browser."""
+        text = to_text(state)
+        if self._tab is None or text == self._kept:
+            return True
+        if time.monotonic() - self._kept_at < BETWEEN_WRITES:
+            return False
+        self._client.local_storage.set_item(self._key, text)
+        self._kept, self._kept_at = text, time.monotonic()
+        return True
+
+    @property
+    def _key(self) -> str:
+        return f"view:{self._default.recording_id}:{self._tab}"

@@ -1,0 +1,377 @@
+"""One visitor: what he asked for, what his page shows, and the thread that turns the one into the other.
+
+Callbacks only put things into the mailbox. The visitor's own thread takes them out, folds them into his `ViewState`,
+draws what needs no model at once, and asks the engine for the rest; the newest request wins.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
+
+import viser
+
+from app.catalogue.part_id import whole_id
+from app.catalogue.visitor import VisitorCatalogue
+from app.catalogue.visitor_uploads import VisitorUploads
+from app.engine.engine import Engine
+from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
+from app.engine.threads import THREADS
+from app.html.moment import Moment
+from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
+from app.session.frames import NewestFrames
+from app.session.jobs import JobNews, VisitorJobs
+from app.session.lanes import LanePlanned, LaneReply, VisitorLanes
+from app.session.layout import build_layout
+from app.session.loader import RecordingLoader
+from app.session.messages import CanvasChanged, Closed, HandedOver, Item
+from app.session.opening import Opened, Opening, Unopened
+from app.session.page import PageComposer
+from app.session.player import Player
+from app.session.questions import given_up, questions
+from app.session.saved_view import SavedView
+from app.session.visit import Shown, Visit
+from app.state import intents as ask
+from app.state.view_state import ViewState, reduce
+from app.views.compare.jobs.lanes import lane_jobs
+from app.views.scene.scene import SceneView
+from app.views.scene.space import Space
+from app.views.view import Page
+
+if TYPE_CHECKING:
+    from etnet.playback.playback import CacheReport
+
+PUSH_INTERVAL = 1 / 12
+"""Seconds between two pushes: a browser that is sent more shows less."""
+REST = 0.3
+"""Seconds without a new window after which the scene is drawn in full."""
+WAIT_FOR_HELLO = 1.0
+"""Seconds in which a page says which tab it is; after that it is shown the default view."""
+GLANCE = 0.5
+"""Seconds between two looks at what the engine has cached."""
+log = logging.getLogger(__name__)
+
+
+class Session:
+    """Made when a visitor connects, closed when he leaves."""
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        catalogue: VisitorCatalogue,
+        engine: Engine,
+        default: ViewState,
+        desk: VisitorUploads | None = None,
+    ) -> None:
+        """`desk` holds the files that he hands over; it is closed with the session."""
+        self._client = client
+        self._desk = desk
+        self._default = default
+        self._catalogue = catalogue
+        self._engine = engine
+        self._visitor = f"visitor-{client.client_id}"
+        self._mail: SimpleQueue[Item] = SimpleQueue()
+        self._state = default
+        self._keeper = SavedView(client, default)
+        self._held = RecordingLoader(catalogue, self._mail.put)
+        self._player = Player()
+        self._answers = NewestFrames()
+        self._studying = VisitorJobs(engine, self._visitor, self._mail.put)
+        self._comparing = VisitorLanes(engine, catalogue, self._visitor, self._mail.put)
+        self._is_known = False
+        self._has_asked = False
+        self._is_closed = False
+        self._is_dirty = True
+        self._composer = PageComposer(
+            catalogue, engine, self._answers, self._studying, self._comparing, self._held, desk
+        )
+        self.drawn: tuple[float, Page] | None = None
+        """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
+        self._shown_index = -1
+        self._moved_at = 0.0
+        self._pushed_at = 0.0
+        self._glanced_at = self._grown_at = 0.0
+        self._cached: CacheReport | None = None
+        self._offer: object = None
+        self._showing = Visit(client, catalogue, default)
+        ticket = "" if desk is None else desk.ticket
+        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public, ticket)
+        self._arrange()
+        self._scene = SceneView(client, self._speak, self._layout.is_phone)
+        self._watch_canvas()
+        if desk is not None:
+            desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
+        self._thread: int | None = None
+        """The identity of his own thread, once it runs."""
+        THREADS.start(self._run, self._visitor)
+
+    def close(self) -> None:
+        """The visitor has gone: nothing more is computed for him."""
+        self._mail.put(Closed())
+
+    def _speak(self, item: Item) -> None:
+        """What a visitor does, on viser's event loop."""
+        if self._showing.hears():
+            self._mail.put(item)
+
+    # ---- the visitor's own thread ----
+
+    def _run(self) -> None:
+        self._thread = threading.get_ident()
+        try:
+            self._serve()
+        finally:
+            self.drawn = None
+            self._comparing.close()
+            self._engine.drop(self._visitor)
+            self._catalogue.close()
+            if self._desk is not None:
+                self._desk.close()
+
+    def _serve(self) -> None:
+        began = time.monotonic()
+        while not self._is_closed:
+            try:
+                for item in self._letters(self._patience()):
+                    self._take(item)
+                if not self._is_known and time.monotonic() - began > WAIT_FOR_HELLO:
+                    self._is_known = True
+                if not self._is_closed:
+                    self._advance()
+            except Exception as error:  # what cannot be drawn must not end the visit
+                log.exception("%s: cannot draw", self._visitor)
+                self._notify("This could not be shown", f"{type(error).__name__}: {error}")
+                self._is_dirty = False
+
+    def _letters(self, patience: float) -> Iterator[Item]:
+        """Everything in the mailbox; waits up to `patience` seconds for the first."""
+        try:
+            yield self._mail.get(timeout=patience)
+            while True:
+                yield self._mail.get_nowait()
+        except Empty:
+            return
+
+    def _patience(self) -> float:
+        since = time.monotonic() - self._pushed_at
+        if self._is_dirty or self._state.is_playing:
+            return max(PUSH_INTERVAL - since, 0.001)
+        if self._is_moving():
+            return REST / 2
+        return GLANCE
+
+    def _take(self, item: Item) -> None:
+        match item:
+            case Closed():
+                self._is_closed = True
+            case Hello(tab):
+                self._greet(tab)
+            case AskHelp() | Touched() | FollowLink() | Copied():
+                self._answer(item)
+            case Resized() | CanvasChanged():
+                pass
+            case HandedOver(arrived):
+                if arrived:
+                    self._answer(Touched())
+                    self._has_asked = self._is_known = True
+                    self._reduce(ask.OpenRecording(arrived))
+            case RemoveFile(recording_id):
+                self._remove(recording_id)
+            case Ready() | Working() | Failed():
+                self._is_dirty |= self._answers.take(item)
+                return
+            case JobNews():
+                if self._studying.take(item):
+                    self._is_dirty = True
+                    for intent in self._showing.hand_over(item):
+                        self._reduce(intent)
+                return
+            case LanePlanned() | LaneReply():
+                self._is_dirty |= self._comparing.take(item)
+                return
+            case Opening() | Opened() | Unopened():
+                follows, trouble = self._held.take(item, self._state)
+                if trouble:
+                    self._notify("Cannot be shown", trouble)
+                for intent in follows:
+                    self._reduce(intent)
+            case _:
+                self._has_asked = True
+                self._answer(Touched())
+                if self._showing.permits(item):
+                    self._reduce(item)
+        self._is_dirty = True
+
+    def _remove(self, recording_id: str) -> None:
+        if self._desk is None:
+            return
+        if whole_id(self._state.recording_id) == recording_id:
+            self._reduce(ask.OpenRecording(self._default.recording_id))
+        self._desk.remove(recording_id)
+
+    def _lead(self) -> None:
+        """Go on with the show, where the page is in public and nobody has touched it."""
+        is_up = self._moment() is not None and self._answers.shows(self._state)
+        if (stretch := self._showing.lead(self._state, is_up)) is None:
+            return
+        if self._desk is not None:
+            self._desk.clear()  # whoever brought it has gone
+        before, (self._state, intents) = self._state, stretch
+        if self._state is not before:
+            self._scene.put_back()  # somebody else turned it, and the preset may be the same
+        self._arrange()
+        for intent in intents:
+            self._reduce(intent)
+        self._is_dirty = True
+
+    def _greet(self, tab: int) -> None:
+        if self._showing.is_public:
+            self._is_known = True
+            return
+        if self._keeper.knows_tab:
+            return
+        recalled, refused = self._keeper.recall(tab)
+        if self._has_asked:
+            return  # a slow page said hello when its visitor had already begun: his view is the newer one
+        self._is_known = True
+        self._state = self._showing.restore(recalled, refused)
+        self._arrange()
+
+    def _answer(self, letter: Shown) -> None:
+        """Whatever a visitor does, the show lets go of his page first."""
+        for intent in self._showing.touch():
+            self._reduce(intent)
+        before, self._state = self._state, self._showing.answer(letter, self._state)
+        if self._state is before:
+            return
+        self._has_asked = self._is_known = True
+        self._arrange()
+        if self._moment() is not None and self._state.policy is not None:
+            self._reduce(ask.Settle(self._state.policy))  # what the link names is open already
+
+    def _reduce(self, intent: ask.Intent) -> None:
+        before = self._state
+        self._state = reduce(before, intent, self._held.limits(before))
+        if _arrangement(self._state) != _arrangement(before):
+            self._arrange()
+        sensor = self._held.limits(before).sensor
+        if isinstance(intent, ask.ChooseCamera) and sensor is not None:
+            self._scene.place(Space(sensor), self._state.camera, again=True)
+
+    def _arrange(self) -> None:
+        self._layout.arrange(*_arrangement(self._state))
+
+    def _advance(self) -> None:
+        if not self._is_known:
+            return
+        self._held.want(self._state)
+        self._lead()
+        due = self._player.due(self._state, self._held.limits(self._state), time.monotonic(), self._answers.index)
+        if due is not None:
+            self._reduce(ask.PlayTo(due))
+            self._is_dirty = True
+        self._glance()
+        is_due = time.monotonic() - self._pushed_at >= PUSH_INTERVAL
+        if self._state.index != self._shown_index:
+            self._moved_at = time.monotonic()
+        elif self._moved_at and not self._is_moving():
+            self._moved_at, self._is_dirty = 0.0, True  # at rest: once more, in full
+        if self._is_dirty and is_due:
+            self._is_dirty = False
+            self._pushed_at = time.monotonic()
+            self._push()
+        if not self._keeper.keep(self._state) and not self._is_dirty:
+            self._glanced_at = min(self._glanced_at, time.monotonic() - GLANCE)
+
+    def _is_moving(self) -> bool:
+        return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
+
+    def _glance(self) -> None:
+        offer = self._catalogue.entries(), self._catalogue.growing(), self._held.share
+        self._is_dirty |= offer != self._offer
+        self._offer = offer
+        if time.monotonic() - self._grown_at > GLANCE:
+            self._grown_at = time.monotonic()
+            has_grown, follows = self._held.grow(self._state)
+            self._is_dirty |= has_grown
+            if follows is not None:
+                self._reduce(follows)
+        if self._answers.request is not None and time.monotonic() - self._glanced_at > GLANCE:
+            self._glanced_at = time.monotonic()
+            cached = self._engine.cached(self._answers.request)
+            self._is_dirty |= cached != self._cached
+            self._cached = cached
+
+    def _push(self) -> None:
+        moment = self._moment()
+        if moment is not None:
+            self._ask(moment)
+        page = self._composer.page(
+            self._state, moment, self._cached, self._is_moving() or self._state.is_playing, self._is_moving()
+        )
+        self._layout.legend.tell(self._scene.show(page))
+        self._layout.show(page)
+        self._shown_index = self._state.index
+        self._client.flush()
+        self.drawn = time.monotonic(), page
+
+    def _moment(self) -> Moment | None:
+        return self._held.moment(self._state)
+
+    def _ask(self, moment: Moment) -> None:
+        state = self._state
+        change = state.inside.change.at(state.index)
+        request = FrameRequest(
+            state.recording_id,
+            state.model_id,
+            state.precision,
+            moment.policy,
+            state.index,
+            state.query is not None,
+            change.intervention,
+            change.edit,
+            change.since,
+        )
+        if self._answers.ask(request):
+            self._engine.request(self._visitor, request, self._hear)
+        lanes = self._comparing.lanes(state, moment, self._answers)
+        self._comparing.ask(state, lanes)
+        if not (self._is_moving() or state.is_playing):
+            self._studying.want({**questions(state, request), **lane_jobs(state, lanes, self._num_seen)})
+        else:
+            for slot in given_up(state):
+                self._studying.drop(slot)
+
+    def _hear(self, reply: Reply) -> None:
+        """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
+        if threading.get_ident() == self._thread:
+            self._answers.take(reply)
+        else:
+            self._mail.put(reply)
+
+    def _num_seen(self, request: FrameRequest) -> int:
+        cached = self._engine.cached(request)
+        return 0 if cached is None else sum(len(part) for part in cached.frames)
+
+    def _notify(self, title: str, body: str) -> None:
+        self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
+
+    def _watch_canvas(self) -> None:
+        """Docks reach their width after the page is up, and windows are resized: the camera must fit."""
+        seen = round(self._client.camera.aspect, 2)
+
+        @self._client.camera.on_update
+        async def _(camera: viser.CameraHandle) -> None:
+            nonlocal seen
+            aspect = round(camera.aspect, 2)
+            if aspect != seen and self._showing.hears():
+                seen = aspect
+                self._mail.put(CanvasChanged())
+
+
+def _arrangement(state: ViewState) -> tuple[ask.Workspace, bool]:
+    return state.workspace, state.compare.inspector != "none"

@@ -1,0 +1,142 @@
+"""What a visit does to be shown to others: the show in public, moments that addresses name, help."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import viser
+
+from app.catalogue.recording_id import listed_id
+from app.catalogue.recordings import CatalogueError
+from app.catalogue.visitor import VisitorCatalogue
+from app.session.channel import AskHelp, Copied, FollowLink, Touched
+from app.session.jobs import JobNews
+from app.session.layout import close_modal, show_help
+from app.state import intents as ask
+from app.state.link import LinkError, from_link
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.demo.script import FORBIDDEN, DemoScript, Throttle, intents_of
+from app.views.demo.state import DropExport, PointAt
+from app.views.export.jobs import SLOT, Made
+from app.views.recording.jobs.cut import SLOT as CUT
+from app.views.recording.state import DropTrim
+
+if TYPE_CHECKING:
+    from viser._gui_handles import GuiModalHandle
+
+Shown = AskHelp | Touched | FollowLink | Copied
+"""Messages that are answered here."""
+_DONE: dict[str, ask.Intent] = {SLOT: DropExport(), CUT: DropTrim()}
+"""What follows when a file of this slot has been handed over."""
+
+
+class Visit:
+    """Used by the visitor's thread, but for `hears`."""
+
+    def __init__(self, client: viser.ClientHandle, catalogue: VisitorCatalogue, default: ViewState) -> None:
+        self._client = client
+        self._catalogue = catalogue
+        self._default = default
+        is_public = default.show.is_demo
+        self._attract = DemoScript([entry.id for entry in catalogue.entries()]) if is_public else None
+        self._throttle = Throttle(time.monotonic())
+        self._help: GuiModalHandle | None = None
+
+    @property
+    def is_public(self) -> bool:
+        """Whether the page shows itself; whoever comes to it has not been here before."""
+        return self._attract is not None
+
+    def hears(self) -> bool:
+        """Whether one more message of the visitor is taken. In public nobody may do more than a hand can."""
+        return self._attract is None or self._throttle.takes(time.monotonic())
+
+    def permits(self, intent: ask.Intent) -> bool:
+        """Whether a visitor may ask for this here."""
+        return self._attract is None or not isinstance(intent, FORBIDDEN)
+
+    def touch(self) -> tuple[ask.Intent, ...]:
+        """What follows from the visitor's doing anything: with the first touch control is his."""
+        if self._attract is not None and self._attract.touch(time.monotonic()):
+            return (PointAt("none"),)
+        return ()
+
+    def lead(self, state: ViewState, is_up: bool) -> tuple[ViewState, tuple[ask.Intent, ...]] | None:
+        """The next stretch of the show, when it is due: the view it begins from, and what it asks (see `DemoScript`).
+
+        A new recording is shown as to somebody who has just come.
+        """
+        beat = None if self._attract is None else self._attract.due(is_up, time.monotonic())
+        if beat is None:
+            return None
+        if beat.recording_id is not None:
+            close_modal(self._help)
+            state = replace(self._default, recording_id=beat.recording_id)
+        return state, intents_of(beat, state)
+
+    def restore(self, recalled: ViewState, refused: tuple[str, ...]) -> ViewState:
+        """A view that a browser kept, brought to what this catalogue holds; what was left out is said."""
+        known = [entry.id for entry in self._catalogue.entries()]
+        models = [entry.id for entry in self._catalogue.models()]
+        if listed_id(recalled.recording_id) not in known:
+            recalled = reduce(recalled, ask.OpenRecording(next(iter(known), "")), Limits())
+            refused = (*refused, "the recording")
+        if recalled.model_id not in models:
+            recalled = reduce(recalled, ask.ChooseModel(models[0]), Limits())
+        if refused:
+            self._refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
+        return recalled
+
+    def hand_over(self, found: JobNews) -> tuple[ask.Intent, ...]:
+        """Let the browser save a file that is made; the order for it is done then."""
+        made = found.result.value
+        if found.slot not in _DONE or not isinstance(made, Made):
+            return ()
+        self._client.send_file_download(made.name, made.content, save_immediately=True)
+        size = f"{len(made.content) / 1e6:.1f} MB" if len(made.content) >= 1e5 else f"{len(made.content) / 1e3:.0f} kB"
+        self._client.add_notification("Made", f"{made.name}, {size}: the browser saves it.", auto_close_seconds=6.0)
+        return (_DONE[found.slot],)
+
+    def answer(self, letter: Shown, state: ViewState) -> ViewState:
+        """Do what a letter asks; the view after it."""
+        match letter:
+            case AskHelp():
+                close_modal(self._help)
+                self._help = show_help(self._client)
+            case Copied(is_done):
+                title = "Link copied" if is_done else "The link could not be copied"
+                body = (
+                    "Whoever opens it sees this moment." if is_done else "This browser keeps pages from its clipboard."
+                )
+                self._client.add_notification(title, body, auto_close_seconds=4.0)
+            case FollowLink(value):
+                return self._follow(value, state)
+            case Touched():
+                pass
+        return state
+
+    def _follow(self, value: str, state: ViewState) -> ViewState:
+        """The moment that an address names; what cannot be shown here is said, and the rest is."""
+        try:
+            linked, refused = from_link(value, state)
+            self._catalogue.entry(linked.recording_id)
+        except LinkError as error:
+            self._refuse("The moment in this address cannot be shown", str(error))
+            return state
+        except CatalogueError:
+            why = "Its recording is not among those that can be opened here."
+            self._refuse("The moment in this address cannot be shown", why)
+            return state
+        if linked.model_id not in {entry.id for entry in self._catalogue.models()}:
+            linked, refused = replace(linked, model_id=state.model_id), (*refused, "the network")
+        if self._attract is not None:
+            linked = replace(linked, model_id=state.model_id, precision=state.precision, policy=None)
+            linked = replace(linked, inside=self._default.inside, compare=self._default.compare)
+        if refused:
+            self._refuse("Not all of this moment could be shown", f"Left out: {', '.join(refused)}.")
+        return linked
+
+    def _refuse(self, title: str, body: str) -> None:
+        self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)

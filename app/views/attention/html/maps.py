@@ -1,0 +1,249 @@
+"""One attention map: which row it is, how it is coloured, what it amounts to. The panels are made of these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from app.engine.requests import Ready
+from app.html.elements import legend, marker, picture
+from app.html.moment import ARRAYS, PICTURES
+from app.html.pictures import Tones, reconstruction_image
+from app.html.units import count, fraction, resolution
+from app.state.view_state import ViewState
+from app.views.inspect.state import Direction, Gather, Order, PinnedMap
+from etnet.render.attention import (
+    HIGHEST,
+    LOWEST,
+    composite,
+    dimmed,
+    level_overlay,
+    linear_level,
+    log_level,
+    on_grid,
+    times_uniform,
+    tokens_read,
+)
+from etnet.render.colours import css_gradient, sequential
+from etnet.render.encode import data_url
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+
+MapRange = Literal["shared", "per map"]
+BASE_PIXELS = 4
+"""Pixels a token of the dimmed frame under the small maps."""
+GATHERED: dict[Gather, str] = {
+    "mean": "mean of all heads",
+    "max": "largest of all heads",
+    "min": "smallest of all heads",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class AttentionLook:
+    """How attention is shown: from which pixel, one head or all gathered (`None`), and how it is coloured."""
+
+    query: tuple[int, int]
+    head: int | None = None
+    opacity: float = 1.0
+    map_range: MapRange = "shared"
+    tones: Tones = field(default_factory=Tones)
+    gather: Gather = "mean"
+    order: Order = "network"
+    direction: Direction = "reads"
+    is_linear: bool = False
+    is_smooth: bool = False
+
+    @staticmethod
+    def of(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
+        """As a visitor chose; `None` until he has chosen a pixel."""
+        if state.query is None:
+            return None
+        inside = state.inside
+        return AttentionLook(
+            state.query,
+            state.head,
+            state.overlay,
+            state.map_range,
+            Tones.of(state, is_linear_light),
+            inside.gather,
+            inside.order,
+            inside.direction if state.opens_heads else "reads",
+            inside.is_linear,
+            inside.is_smooth,
+        )
+
+
+class Site(NamedTuple):
+    """A site's name taken apart: "scale2.decoder.0.cross"."""
+
+    scale: int
+    part: str
+    layer: int
+    kind: str
+
+    @staticmethod
+    def of(name: str) -> Site:
+        """Parse a name that the network gave."""
+        return _site(name)
+
+    @property
+    def row(self) -> tuple[str, int, str]:
+        """Sites in one row of the grid differ by scale alone."""
+        return self.part, self.layer, self.kind
+
+
+@lru_cache(maxsize=256)
+def _site(name: str) -> Site:
+    scale, part, index, kind = name.split(".")
+    return Site(int(scale.removeprefix("scale")), part, int(index), kind)
+
+
+def site_words(name: str, sites: tuple[str, ...]) -> str:
+    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 reads 1/8"."""
+    site = Site.of(name)
+    own = resolution(site.scale)
+    if site.kind == "self":
+        return f"{own} · {site.part} {site.layer + 1}, self-attention: {own} reads itself"
+    return f"{own} · {site.part} {site.layer + 1}, cross-attention: {own} reads {resolution(source(site, sites))}"
+
+
+def source(site: Site, sites: tuple[str, ...]) -> int:
+    """The scale whose tokens a cross-attention reads: the next coarser one; the coarsest reads itself."""
+    return min(site.scale + 1, max(Site.of(name).scale for name in sites))
+
+
+def rows_of(
+    ready: Ready, attention: Attention, site: str, query: tuple[int, int], direction: Direction = "reads"
+) -> Float[np.ndarray, "heads tokens"]:
+    """What the pixel's token reads; or, "read by", what each token gives to it (those need not sum to 1)."""
+    token = attention.grid.token_at(*query)
+
+    def make() -> np.ndarray:
+        if direction == "read by":
+            return attention.columns(site, [token])[..., 0].cpu().numpy()
+        return attention.rows(site, [token])[:, 0].cpu().numpy()
+
+    return ARRAYS.get(("rows", ready.key, site, token, direction), make, lambda rows: rows.nbytes)
+
+
+def row_of(ready: Ready, attention: Attention, site: str, look: AttentionLook) -> Float[np.ndarray, " tokens"]:
+    """The map of one head, or of all heads gathered."""
+    return gathered(rows_of(ready, attention, site, look.query, look.direction), look.head, look.gather)
+
+
+def gathered(rows: Float[np.ndarray, "heads tokens"], head: int | None, gather: Gather) -> Float[np.ndarray, " tokens"]:
+    """One head, or the mean, largest or smallest over heads, token by token."""
+    if head is not None and head < len(rows):
+        return rows[head]
+    return rows.mean(0) if gather == "mean" else rows.max(0) if gather == "max" else rows.min(0)
+
+
+def pinned_row(ready: Ready, attention: Attention, pinned: PinnedMap) -> Float[np.ndarray, " tokens"]:
+    """The map of a pin, in the window on show."""
+    return gathered(rows_of(ready, attention, pinned.site, pinned.query), pinned.head, pinned.gather)
+
+
+def head_words(head: int | None, gather: Gather, num_heads: int | None = None) -> str:
+    """ "head 3", or "mean of all heads"."""
+    return GATHERED[gather] if head is None or (num_heads is not None and head >= num_heads) else f"head {head + 1}"
+
+
+def tokens_words(row: np.ndarray) -> str:
+    """To how many tokens a map amounts; a map that does not sum to 1 is taken as shares."""
+    share = row / max(float(row.sum()), 1e-30)
+    return count(max(1, round(float(tokens_read(share)))))
+
+
+def map_facts(attention: Attention, row: np.ndarray, query: tuple[int, int]) -> tuple[float, float]:
+    """A map's entropy (bits), and the mean distance (pixels) from the query's token to what it reads."""
+    import torch
+
+    from etnet.inspection.entropy import map_numbers
+
+    numbers = map_numbers(torch.from_numpy(row)[None, None], attention.grid, [attention.grid.token_at(*query)])
+    return float(numbers.entropy), float(numbers.distance)
+
+
+def level_of(row: np.ndarray, look: AttentionLook) -> np.ndarray:
+    """A map's values as places on its colour scale, 0 … 1."""
+    relative = times_uniform(row)
+    highest = HIGHEST if look.map_range == "shared" else float(relative.max())
+    return linear_level(relative, highest) if look.is_linear else log_level(relative, highest)
+
+
+def tokens_of(attention: Attention, row: np.ndarray, look: AttentionLook) -> UInt8[np.ndarray, "rows columns 4"]:
+    """A map as one RGBA pixel a token."""
+    grid = attention.grid
+    return level_overlay(level_of(row, look).reshape(grid.rows, grid.columns), look.opacity)
+
+
+def over_frame(
+    ready: Ready, look: AttentionLook, row: np.ndarray, query: tuple[int, int] | None
+) -> UInt8[np.ndarray, "h w 3"]:
+    """A map over the dimmed frame at sensor size; the query marked, if one is given."""
+    assert ready.attention is not None
+    grid = ready.attention.grid
+    tokens = tokens_of(ready.attention, row, look)
+    grey = reconstruction_image(ready, look.tones)
+    return composite(grey, tokens, grid.top, grid.left, patch_size(), query, look.is_smooth)
+
+
+def map_html(attention: Attention, row: np.ndarray, look: AttentionLook, alt: str, key: str, on_pick: str) -> str:
+    """A small map: a token is a few whole pixels, over the frame that the panel's `--base` names."""
+    grid = attention.grid
+    row_at, column_at = divmod(grid.token_at(*look.query), grid.columns)
+    marks = [marker((column_at + 0.5) / grid.columns, (row_at + 0.5) / grid.rows)]
+    url = data_url(tokens_of(attention, row, look), is_lossless=True)
+    classes = "et-map et-smooth" if look.is_smooth else "et-map"
+    size = (grid.columns, grid.rows)
+    return picture(url, alt, key=key, on_pick=on_pick, marks=marks, size=size, classes=classes)
+
+
+def map_legend(look: AttentionLook) -> str:
+    """The colour scale in × uniform."""
+    if look.map_range == "per map":
+        low = "0" if look.is_linear else "1/4"
+        return legend(
+            "attention, each map by its own range", css_gradient(sequential()), [(0, low), (1, "its maximum")]
+        )
+    if look.is_linear:
+        ticks = [(value / HIGHEST, f"{value:g} ×") for value in (0.0, 8.0, 16.0, HIGHEST)]
+    else:
+        powers = float(np.log2(HIGHEST / LOWEST))
+        ticks = [
+            (float(np.log2(value / LOWEST)) / powers, f"{fraction(value)} ×") for value in (LOWEST, 1.0, 4.0, HIGHEST)
+        ]
+    return legend("attention, × uniform (1 × = all tokens read alike)", css_gradient(sequential()), ticks)
+
+
+def map_ends(look: AttentionLook) -> tuple[str, str]:
+    """What the lowest and the highest colour of the maps stand for."""
+    low = "0" if look.is_linear else fraction(LOWEST)
+    return (f"{low} x", f"{HIGHEST:g} x uniform") if look.map_range == "shared" else (low, "each map's maximum")
+
+
+def base_url(ready: Ready, attention: Attention, tones: Tones) -> str:
+    """The dimmed frame under the small maps."""
+    grid = attention.grid
+
+    def make() -> str:
+        grey = on_grid(reconstruction_image(ready, tones), grid.rows, grid.columns, grid.top, grid.left, patch_size())
+        step = max(1, patch_size() // BASE_PIXELS)
+        rows, columns = grey.shape[0] // step, grey.shape[1] // step
+        small = grey.reshape(rows, step, columns, step).mean((1, 3)).astype(np.uint8)
+        return data_url(dimmed(small), is_lossless=False)
+
+    return PICTURES.text(("base", ready.key, tones), make)
+
+
+def patch_size() -> int:
+    """Pixels on a token's side."""
+    from etnet.nets.padding import PATCH  # needs torch, which is there once attention is
+
+    return PATCH

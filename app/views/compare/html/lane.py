@@ -1,0 +1,128 @@
+"""One lane of a comparison, ready to be drawn: what it is, what has come of it, what it is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from app.engine.requests import Failed, FrameRequest, Ready, Working
+from app.html.moment import ARRAYS, Moment
+from app.html.pictures import Tones
+from app.html.units import milliseconds, policy
+from app.views.compare.state import Lane
+from etnet.events.denoise import Cleaning
+from etnet.windows import Window
+
+NAMES = ("A", "B", "C", "D")
+"""The main lane is A."""
+COLOURS = ("#ffffff", "#f2e24e", "#eba6d2", "#5fd6b8")
+"""Of curves and marks, in the same order: apart from each other and from polarity for every common colour blindness."""
+SAME_TIME = 1_000
+"""µs that window and camera frame may differ before the difference is called one (EVREAL's bound)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """The camera frame that a lane's frame is held against; `lag`: how much later it was taken, µs."""
+
+    index: int
+    lag: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneShown:
+    """A lane as it stands now. `request` is `None` until its windows are planned; `window` is the nearest in time."""
+
+    number: int
+    lane: Lane
+    request: FrameRequest | None
+    window: Window | None
+    num_windows: int
+    model_title: str
+    trained_band: tuple[float, float] | None
+    warm_up: int
+    tones: Tones
+    truth: Truth | None
+    ready: Ready | None = None
+    working: Working | None = None
+    failed: Failed | None = None
+    trouble: str = ""
+    values: Mapping[str, float] | None = None
+    """Of the frame on show, by measure; `None` while they are not known."""
+
+    @property
+    def name(self) -> str:
+        """A, B, C or D."""
+        return NAMES[self.number]
+
+    @property
+    def colour(self) -> str:
+        """Its hue in curves and marks."""
+        return COLOURS[self.number]
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the frame on show is the one that is wanted, and final."""
+        ready, request = self.ready, self.request
+        return (
+            ready is not None
+            and request is not None
+            and ready.request.frame == request.frame
+            and not ready.is_approximate
+        )
+
+    @property
+    def words(self) -> str:
+        """What it is, in one line."""
+        if self.request is None:
+            return self.model_title
+        parts = [self.model_title]
+        if self.ready is not None and self.request.precision != "fp32":
+            parts.append(self.ready.contract.runtime.precision)
+        parts.append(policy(self.request.policy))
+        if not self.request.is_original:
+            parts.append("changed inside")
+        if not self.request.cleaning.changes_nothing:
+            parts.append(cleaning_words(self.request.cleaning))
+        return " · ".join(parts)
+
+    def events_per_pixel(self, num_pixels: int) -> float | None:
+        """How dense its window is."""
+        return None if self.window is None else self.window.num_events / num_pixels
+
+    @property
+    def warm_up_seconds(self) -> float | None:
+        """Recording seconds until it is called warm, at the rate of the window on show; 0 when it is."""
+        if self.request is None or self.window is None:
+            return None
+        left = max(self.warm_up - self.request.index, 0)
+        return left * (self.window.t_stop - self.window.t_start) / 1e6
+
+    def with_values(self, values: Mapping[str, float] | None) -> LaneShown:
+        """The same, with what was measured."""
+        return replace(self, values=values)
+
+
+def cleaning_words(cleaning: Cleaning) -> str:
+    """What is taken out."""
+    parts = ["hot pixels"] if cleaning.hot_pixels else []
+    if cleaning.support_within:
+        parts.append(f"what no neighbour supports within {milliseconds(cleaning.support_within / 1000)}")
+    return f"without {' and '.join(parts)}" if parts else "events as recorded"
+
+
+def truth_frame(moment: Moment, truth: Truth | None) -> Float32[np.ndarray, "h w"] | None:
+    """The camera's frame as the metrics see it, if it has the sensor's size."""
+    source = moment.recording.ground_truth
+    if truth is None or source is None:
+        return None
+    key = ("truth", moment.recording_id, truth.index)
+    frame = ARRAYS.get(key, lambda: source.read_frame(truth.index), lambda made: made.nbytes)
+    size = (moment.recording.sensor.height, moment.recording.sensor.width)
+    return frame if frame.shape == size else None
+
+
+Grey = UInt8[np.ndarray, "h w"]

@@ -1,0 +1,296 @@
+"""Lanes beside each other: as they are, one wiped over another, their difference, their error against the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from app.html.elements import empty, escape, legend, marker, panel, picture
+from app.html.moment import PICTURES, Moment
+from app.html.pictures import Tones, lag_line, reconstruction_image
+from app.html.provenance import density_html
+from app.html.units import milliseconds, seconds, short
+from app.views.compare.html.lane import SAME_TIME, LaneShown, Truth, truth_frame
+from app.views.compare.state import MOST_LANES, CompareState
+from etnet.render.colours import css_gradient, diverge, diverging
+from etnet.render.encode import data_url
+from etnet.render.tone import tone_map
+
+TITLES = {"mse": "MSE ↓", "ssim": "SSIM ↑", "lpips": "LPIPS ↓", "sharpness": "sharpness", "contrast": "contrast"}
+"""Measures in the order of a card. An arrow says which way is better; the last two have no better."""
+RULES = {
+    "paper": "ET-Net’s protocol: the raw frame, not clipped; SSIM 7×7 uniform, data range 2",
+    "evreal": "EVREAL’s protocol: post-processed where the network asks for it, clipped to 0 … 1; SSIM Gaussian 11×11",
+}
+ERROR_LIMIT = 0.5
+"""Difference at the end of the colours: one scale for all lanes and moments, so that they can be compared."""
+
+Box = tuple[int, int, int, int]
+"""x, y, width, height of what is shown, pixels of the sensor."""
+
+
+def lanes_html(
+    moment: Moment,
+    lanes: Sequence[LaneShown],
+    view: CompareState,
+    query: tuple[int, int] | None = None,
+    *,
+    on_pick: str = "",
+) -> str:
+    """All of the comparison at one moment. Clicks send `cut:x,y,w,h` on a picture, `lane:n`, `lane:add` and so on."""
+    if not lanes:
+        return ""
+    other = lanes[min(view.chosen + 1, len(lanes) - 1)]
+    draw = _Draw(moment, box_of(moment, view.zoom, query), query, _best(lanes), on_pick)
+    if view.sight in ("wipe", "difference") and len(lanes) > 1:
+        picture_ = draw.wipe(lanes[0], other, view.wipe) if view.sight == "wipe" else draw.difference(lanes[0], other)
+        cards = [draw.card(lane, other, None) for lane in lanes]
+        body = f'{picture_}<div class="et-lanes">{"".join(cards)}</div>'
+    else:
+        shows = draw.error if view.sight == "error" else draw.frame
+        cards = [draw.card(lane, other, shows) for lane in lanes]
+        body = f'<div class="et-lanes">{"".join(cards)}{draw.camera(lanes[0])}</div>'
+    more = ""
+    if len(lanes) <= MOST_LANES and on_pick:
+        more = f'<button class="et-back" data-k="lane:add" {on_pick}>Add a lane</button>'
+    scale = _scale(view, len(lanes)) if view.sight in ("difference", "error") else ""
+    lock = f"all at {seconds(moment.seconds[1])} of the recording, each by its window that ends nearest"
+    return panel(
+        "lanes",
+        f'<div class="et-note">{lock}</div>',
+        body,
+        more,
+        scale,
+        _read_out(moment, lanes, query),
+        f'<div class="et-note">{_rule_words(moment, view)}</div>',
+    )
+
+
+def box_of(moment: Moment, zoom: int, query: tuple[int, int] | None) -> Box:
+    """What a zoom shows: around the chosen pixel, else around the middle; never beyond the sensor."""
+    sensor = moment.recording.sensor
+    width, height = max(sensor.width // zoom, 1), max(sensor.height // zoom, 1)
+    x, y = query or (sensor.width // 2, sensor.height // 2)
+    left = min(max(x - width // 2, 0), sensor.width - width)
+    return left, min(max(y - height // 2, 0), sensor.height - height), width, height
+
+
+class _Draw:
+    """Pictures of one moment, all cut to one box."""
+
+    def __init__(
+        self, moment: Moment, box: Box, query: tuple[int, int] | None, best: set[tuple[str, int]], on_pick: str
+    ) -> None:
+        self._best = best
+        self._moment = moment
+        self._box = box
+        self._query = query
+        self._on_pick = on_pick
+
+    def card(self, lane: LaneShown, chosen: LaneShown, shows: Callable[[LaneShown], str] | None) -> str:
+        """One lane: its name, its picture (by `shows`), what it was given, its numbers."""
+        mark = " et-chosen-lane" if lane is chosen and lane.number else ""
+        image = "" if shows is None else shows(lane)
+        lag = "" if lane.request is None else lag_line(lane.ready, lane.request.index, lane.working, lane.failed)
+        trouble = f'<div class="et-failed" role="alert">{escape(lane.trouble)}</div>' if lane.trouble else ""
+        facts = "" if lane.request is None else f"{_given(self._moment, lane)}{_numbers(lane, self._best)}"
+        return (
+            f'<div class="et-lane{mark}" data-testid="lane-{lane.name}">{self._head(lane)}{image}{trouble}{lag}'
+            f"{facts}</div>"
+        )
+
+    def frame(self, lane: LaneShown) -> str:
+        """A lane's reconstruction, as it is displayed."""
+        ready = lane.ready
+        if ready is None:
+            return empty("No image yet", "It is computed when nobody waits for another one.")
+        url = self._url(("lane", ready.key, lane.tones), lambda: reconstruction_image(ready, lane.tones), True)
+        return self._picture(url, f"Lane {lane.name}: window {ready.request.index}", not lane.is_there)
+
+    def error(self, lane: LaneShown) -> str:
+        """A lane's raw frame minus the camera's."""
+        ready, truth = lane.ready, truth_frame(self._moment, lane.truth)
+        if truth is None:
+            return empty("No camera frame", "This recording has none of the sensor’s size: nothing to err against.")
+        if ready is None or lane.truth is None:
+            return self.frame(lane)
+        key = ("error", ready.key, self._moment.recording_id, lane.truth.index)
+        url = self._url(key, lambda: diverge(ready.frame - truth, ERROR_LIMIT), False)
+        return self._picture(url, f"Lane {lane.name} minus camera", not lane.is_there)
+
+    def camera(self, main: LaneShown) -> str:
+        """The ground truth as a card of its own, with how far from the window's end it was taken."""
+        truth = truth_frame(self._moment, main.truth)
+        head = '<div class="et-lane-head"><span><b class="et-tag">camera</b>ground truth</span></div>'
+        if truth is None or main.truth is None:
+            body = empty("No ground truth", "Sharpness and contrast are shown instead: they need none.")
+            return f'<div class="et-lane" data-testid="lane-camera">{head}{body}</div>'
+        key = ("camera", self._moment.recording_id, main.truth.index, main.tones)
+        url = self._url(key, lambda: _toned(truth, main.tones), True)
+        when = f'<div class="et-note">{_apart(main.truth)}</div>'
+        return f'<div class="et-lane" data-testid="lane-camera">{head}{self._picture(url, "Camera frame")}{when}</div>'
+
+    def wipe(self, main: LaneShown, other: LaneShown, share: float) -> str:
+        """The main lane left of a line, another right of it."""
+        below, above = self.frame(main), self.frame(other)
+        words = f"left: {main.name} · right: {other.name}"
+        return (
+            f'<div class="et-wipe" data-testid="wipe" style="--wipe:{share:.1%}">{above}<div>{below}</div><i></i></div>'
+            f'<div class="et-note">{words}</div>'
+        )
+
+    def difference(self, main: LaneShown, other: LaneShown) -> str:
+        """Another lane's raw frame minus the main one's."""
+        one, two = main.ready, other.ready
+        if one is None or two is None or one.frame.shape != two.frame.shape:
+            return empty("No difference yet", "Both lanes need an image first.")
+        url = self._url(("difference", one.key, two.key), lambda: diverge(two.frame - one.frame, ERROR_LIMIT), False)
+        is_old = not (main.is_there and other.is_there)
+        apart = np.abs(two.frame - one.frame)
+        mean, largest = short(float(apart.mean())), short(float(apart.max()))
+        said = f"{other.name} − {main.name}: mean |difference| {mean}, largest {largest}"
+        if not apart.any():
+            said = f"{other.name} and {main.name} are the same, bit for bit"
+        return (
+            f'<div class="et-large">{self._picture(url, f"Lane {other.name} minus lane {main.name}", is_old)}</div>'
+            f'<div class="et-caption"><span data-testid="difference">{escape(said)}</span></div>'
+        )
+
+    def _head(self, lane: LaneShown) -> str:
+        tag = f'<b class="et-tag" style="--hue:{lane.colour}">{lane.name}</b>'
+        what = f"{tag}{escape(lane.words)}"
+        if not lane.number or not self._on_pick:
+            return f'<div class="et-lane-head"><span>{what}</span></div>'
+        return (
+            f'<div class="et-lane-head"><button data-k="lane:{lane.number - 1}" {self._on_pick}>{what}</button>'
+            f'<button data-k="lane:remove:{lane.number - 1}" {self._on_pick} title="Remove this lane">×</button></div>'
+        )
+
+    def _url(self, key: tuple[object, ...], make: Callable[[], np.ndarray], is_photograph: bool) -> str:
+        def encoded() -> str:
+            x, y, width, height = self._box
+            return data_url(np.ascontiguousarray(make()[y : y + height, x : x + width]), is_lossless=not is_photograph)
+
+        return PICTURES.text((*key, self._box), encoded)
+
+    def _picture(self, url: str, alt: str, is_old: bool = False) -> str:
+        x, y, width, height = self._box
+        marks = []
+        if self._query is not None:
+            across, down = (self._query[0] + 0.5 - x) / width, (self._query[1] + 0.5 - y) / height
+            marks = [marker(across, down)] if 0 <= across <= 1 and 0 <= down <= 1 else []
+        image = picture(
+            url,
+            alt,
+            key=f"cut:{x},{y},{width},{height}",
+            on_pick=self._on_pick,
+            marks=marks,
+            size=(width, height),
+            classes="et-sharp" if width < 200 else "",
+        )
+        return f'<div class="{"et-lags" if is_old else ""}">{image}</div>'
+
+
+def _toned(frame: Float32[np.ndarray, "h w"], tones: Tones) -> UInt8[np.ndarray, "h w"]:
+    return tone_map(frame, tones.tone, tones.is_linear_light)
+
+
+def _given(moment: Moment, lane: LaneShown) -> str:
+    """Events per pixel against the trained band, and whether the memory is warm."""
+    assert lane.request is not None
+    dense = lane.events_per_pixel(moment.recording.sensor.num_pixels) or 0.0
+    left = lane.warm_up_seconds
+    since = "" if lane.lane.cold_from is None else f" · cold start at {_when(moment, lane.lane.cold_from)}"
+    memory = f"warming up: {seconds(left)} to go{since}" if left else f"warm{since}"
+    return (
+        f'<div class="et-note">{density_html(dense, lane.trained_band)} events per pixel</div>'
+        f'<div class="et-note">window {lane.request.index} of {lane.num_windows} · {escape(memory)}</div>'
+    )
+
+
+def _when(moment: Moment, stamp: int) -> str:
+    return seconds((stamp - moment.recording.span.start) / 1e6)
+
+
+def _best(lanes: Sequence[LaneShown]) -> set[tuple[str, int]]:
+    """(measure, lane) of the best value there is, once every lane has one; none where all are the same."""
+    best: set[tuple[str, int]] = set()
+    for name, choose in (("mse", min), ("ssim", max), ("lpips", min)):
+        values = [lane.values[name] for lane in lanes if lane.values is not None and name in lane.values]
+        if len(values) == len(lanes) and len(set(values)) > 1:
+            best |= {(name, lane.number) for lane in lanes if lane.values and lane.values[name] == choose(values)}
+    return best
+
+
+def _numbers(lane: LaneShown, best: set[tuple[str, int]]) -> str:
+    if lane.values is None:
+        return '<div class="et-note" data-testid="measuring">measuring …</div>' if lane.ready is not None else ""
+    values = [(name, lane.values[name]) for name in TITLES if name in lane.values]
+    if "mse" in lane.values:
+        values = values[:3]
+    marks = {name: ' class="et-exact" title="best of these lanes"' for name, number in best if number == lane.number}
+    cells = "".join(
+        f"<div><dt>{TITLES[name]}</dt><dd{marks.get(name, '')}>{decimals(value)}</dd></div>" for name, value in values
+    )
+    late = ""
+    if lane.truth is not None and abs(lane.truth.lag) > SAME_TIME:
+        late = f'<div class="et-note et-warning">{_apart(lane.truth)}: motion between counts as error</div>'
+    return f'<dl class="et-figures" data-testid="figures-{lane.name}">{cells}</dl>{late}'
+
+
+def decimals(value: float) -> str:
+    """As the tables print it: .0190, .642."""
+    if not np.isfinite(value):
+        return "n/a"
+    return f"{value:.4f}" if abs(value) < 0.1 else f"{value:.3f}"
+
+
+def _apart(truth: Truth) -> str:
+    if abs(truth.lag) < 50:
+        return "camera frame taken as the window ends"
+    side = "after" if truth.lag > 0 else "before"
+    return f"camera frame {milliseconds(abs(truth.lag) / 1000)} {side} the window ends"
+
+
+def _scale(view: CompareState, num_lanes: int) -> str:
+    if view.sight == "difference" and num_lanes < 2:
+        return ""
+    what = "reconstruction minus camera" if view.sight == "error" else "difference of the raw frames"
+    ticks = [(0.0, f"≤ −{ERROR_LIMIT}: too dark"), (0.5, "0"), (1.0, f"≥ +{ERROR_LIMIT}: too bright")]
+    if view.sight == "difference":
+        ticks = [(0.0, f"≤ −{ERROR_LIMIT}"), (0.5, "0"), (1.0, f"≥ +{ERROR_LIMIT}")]
+    return legend(f"{what}, one scale for all", css_gradient(diverging()), ticks)
+
+
+def _read_out(moment: Moment, lanes: Sequence[LaneShown], query: tuple[int, int] | None) -> str:
+    """The raw value of every lane and of the camera at the chosen pixel."""
+    if query is None:
+        return '<div class="et-note">Click a picture: every lane’s value at that pixel is read out here.</div>'
+    x, y = query
+    cells = []
+    for lane in lanes:
+        if lane.ready is not None and y < lane.ready.frame.shape[0] and x < lane.ready.frame.shape[1]:
+            cells.append((lane.name, float(lane.ready.frame[y, x])))
+    truth = truth_frame(moment, lanes[0].truth)
+    if truth is not None:
+        cells.append(("camera", float(truth[y, x])))
+    rows = "".join(
+        f'<div><dt>{name}</dt><dd data-testid="value-{name}" data-value="{value:.9g}">{value:.3f}</dd></div>'
+        for name, value in cells
+    )
+    return f'<div class="et-note">raw values at pixel ({x}, {y})</div><dl class="et-figures">{rows}</dl>'
+
+
+def _rule_words(moment: Moment, view: CompareState) -> str:
+    truth = moment.recording.ground_truth
+    if truth is None or len(truth) == 0:
+        return "This recording has no camera frames: sharpness and contrast need none, and noise raises both."
+    shifted = f" · frames’ clock shifted by {view.offset / 1000:+.1f} ms" if view.offset else ""
+    return f"{RULES[view.rule]}. The brightness setting is for the eye alone{shifted}."
+
+
+def no_lanes_html() -> str:
+    """Before a recording is open."""
+    return panel("lanes", empty("Nothing to compare yet", "Open a recording first."))

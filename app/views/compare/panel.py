@@ -1,0 +1,193 @@
+"""Lanes beside each other and their scores: what is compared, how it is shown, by which rule it is scored."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import viser
+
+from app.session.channel import ON_PICK
+from app.state import intents as ask
+from app.views.compare.html.lanes import lanes_html
+from app.views.compare.html.scores import TITLES, Series, scores_html, series_of
+from app.views.compare.jobs.lanes import slot_of
+from app.views.compare.state import (
+    ZOOMS,
+    ChangeLane,
+    ChangeSight,
+    CompareState,
+    Inspector,
+    Lane,
+    Measure,
+    OpenInspector,
+    Rule,
+    Sight,
+    StartCold,
+)
+from app.views.recording.html.fitness import fitness_html
+from app.views.recording.jobs.fitness import SLOT
+from app.views.recording.panel import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
+from app.views.view import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from etnet.events.denoise import UNCLEANED, Cleaning
+
+INSPECTORS: dict[str, Inspector] = {
+    "nothing": "none",
+    "lanes at this moment": "lanes",
+    "scores over time": "scores",
+    "what kind of recording this is": "fit",
+}
+SIGHTS: dict[str, Sight] = {
+    "side by side": "side by side",
+    "wiped over each other": "wipe",
+    "their difference": "difference",
+    "error against the camera": "error",
+}
+AS_MAIN = "as lane A"
+RULES: dict[str, Rule] = {"paper (ET-Net)": "paper", "EVREAL": "evreal"}
+CLEANINGS: dict[str, Cleaning] = {
+    "as recorded": UNCLEANED,
+    "without hot pixels": Cleaning(hot_pixels=True),
+    "supported within 20 ms": Cleaning(support_within=20_000),
+    "supported within 5 ms": Cleaning(support_within=5_000),
+    "both: no hot pixels, 5 ms": Cleaning(hot_pixels=True, support_within=5_000),
+}
+MEASURES: dict[str, Measure] = {title: name for name, title in TITLES.items()}  # pyright: ignore[reportAssignmentType]
+
+
+class ComparePanel:
+    """One dropdown opens an inspector; only its widgets are shown."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """What is looked at, the picture of it, then the chosen lane's settings."""
+        self._inspector = gui.add_dropdown("Compare", tuple(INSPECTORS))
+        self._sight = gui.add_dropdown("Show", tuple(SIGHTS))
+        self._measure = gui.add_dropdown("Measure", tuple(MEASURES))
+        self._replays = gui.add_checkbox("Protocol’s own cut", False)
+        self._wipe = gui.add_slider("Wipe", 0.0, 1.0, 0.01, 0.5)
+        self._body = Html(gui)
+        self._build_lane(gui, dispatch)
+        self._zoom = gui.add_dropdown("Zoom", tuple(f"{zoom}×" for zoom in ZOOMS))
+        self._rule = gui.add_dropdown("Scored by", tuple(RULES))
+        self._offset = gui.add_number("Camera’s clock, ms later", 0.0, min=-1000.0, max=1000.0, step=0.5)
+        sees = ChangeSight
+        on_visitor(self._inspector, lambda text: OpenInspector(INSPECTORS[text]), dispatch)
+        on_visitor(self._sight, lambda text: sees("sight", SIGHTS[text]), dispatch)
+        on_visitor(self._measure, lambda text: sees("measure", MEASURES[text]), dispatch)
+        on_visitor(self._replays, lambda value: sees("replays", bool(value)), dispatch)
+        on_visitor(self._wipe, lambda value: sees("wipe", float(value)), dispatch)
+        on_visitor(self._zoom, lambda text: sees("zoom", int(text.rstrip("×"))), dispatch)
+        on_visitor(self._rule, lambda text: sees("rule", RULES[text]), dispatch)
+        on_visitor(self._offset, lambda value: sees("offset", round(float(value) * 1000)), dispatch)
+
+    def _build_lane(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        self._models: dict[str, str] = {}
+        self._lane = Html(gui)
+        self._model: viser.GuiDropdownHandle[Any] = gui.add_dropdown("Network ", (AS_MAIN,))
+        self._kind = gui.add_dropdown("Windows by ", (AS_MAIN, *KINDS))
+        self._number = gui.add_number("Each holds ", 0.35, min=0.0001)
+        self._precision = gui.add_dropdown("Arithmetic ", (AS_MAIN, *PRECISIONS.values()))
+        self._cleaning = gui.add_dropdown("Events", tuple(CLEANINGS))
+        self._cold = gui.add_checkbox("Cold start here", False)
+        self._of_lane = (self._model, self._kind, self._number, self._precision, self._cleaning, self._cold)
+        arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
+        on_visitor(self._model, lambda title: ChangeLane("model_id", self._models.get(title)), dispatch)
+        on_visitor(self._kind, self._policy_of_kind, dispatch)
+        on_visitor(self._number, self._policy_of_number, dispatch)
+        on_visitor(self._precision, lambda text: ChangeLane("precision", arithmetic.get(text)), dispatch)
+        on_visitor(self._cleaning, lambda text: ChangeLane("cleaning", CLEANINGS[text]), dispatch)
+        on_visitor(self._cold, lambda value: StartCold(bool(value)), dispatch)
+
+    def show(self, page: Page) -> None:
+        """Draw what the inspector is about; nothing where it is closed."""
+        view = page.state.compare
+        assign(self._inspector, _title(INSPECTORS, view.inspector))
+        assign(self._sight, _title(SIGHTS, view.sight))
+        assign(self._measure, _title(MEASURES, view.measure))
+        assign(self._replays, view.replays)
+        assign(self._wipe, view.wipe)
+        assign(self._zoom, f"{view.zoom}×")
+        assign(self._rule, _title(RULES, view.rule))
+        assign(self._offset, view.offset / 1000)
+        self._set_visible(view)
+        self._show_lane(page)
+        self._body.show(_body(page))
+
+    def _set_visible(self, view: CompareState) -> None:
+        lanes, scores = view.inspector == "lanes", view.inspector == "scores"
+        _see(self._sight, lanes)
+        _see(self._wipe, lanes and view.sight == "wipe")
+        _see(self._zoom, lanes)
+        _see(self._measure, scores)
+        _see(self._replays, scores)
+        _see(self._rule, lanes or scores)
+        _see(self._offset, lanes or (scores and not view.replays))
+
+    def _show_lane(self, page: Page) -> None:
+        view = page.state.compare
+        is_shown = view.inspector in ("lanes", "scores") and bool(view.lanes)
+        self._lane.set_visible(is_shown)
+        for handle in self._of_lane:
+            _see(handle, is_shown)
+        if not is_shown:
+            return
+        lane = view.lanes[view.chosen]
+        self._lane.show(f'<div class="et"><div class="et-lead">Lane {"BCD"[view.chosen]}</div></div>')
+        self._offer_models(page.models, lane)
+        kind, number = (AS_MAIN, 0.0) if lane.policy is None else words_of(lane.policy)
+        assign(self._kind, kind)
+        has_number = kind in STEPS
+        _see(self._number, has_number)
+        if has_number and seconds_since_touched(self._number) > 0.4:
+            self._number.step = STEPS[kind]
+            assign(self._number, number)
+        assign(self._precision, AS_MAIN if lane.precision is None else PRECISIONS[lane.precision])
+        known = [title for title, cleaning in CLEANINGS.items() if cleaning == lane.cleaning]
+        if known:
+            assign(self._cleaning, known[0])
+        assign(self._cold, lane.cold_from is not None)
+
+    def _offer_models(self, choices: tuple[Choice, ...], lane: Lane) -> None:
+        titles = offered(choices)
+        if titles != self._models:
+            self._models = titles
+            self._model.options = (AS_MAIN, *titles)
+        assign(self._model, next((title for title, id_ in titles.items() if id_ == lane.model_id), AS_MAIN))
+
+    def _policy_of_kind(self, kind: str) -> ask.Intent:
+        return ChangeLane("policy", None if kind == AS_MAIN else policy_of(kind, DEFAULTS.get(kind, 0.0)))
+
+    def _policy_of_number(self, number: float) -> ask.Intent | None:
+        return ChangeLane("policy", policy_of(self._kind.value, float(number))) if number > 0 else None
+
+
+def _body(page: Page) -> str:
+    view, moment = page.state.compare, page.moment
+    if view.inspector == "none" or moment is None:
+        return (
+            '<div class="et"><div class="et-note">Set up to four lanes beside each other: another network, '
+            "other windows, other arithmetic, cleaned events, a cold start; with numbers.</div></div>"
+        )
+    if view.inspector == "lanes":
+        return lanes_html(moment, page.lanes, view, page.state.query, on_pick=ON_PICK)
+    if view.inspector == "fit":
+        return fitness_html(moment, page.results.get(SLOT), page.model, on_pick=ON_PICK)
+    return scores_html(moment, lane_series(page), view, on_pick=ON_PICK)
+
+
+def lane_series(page: Page) -> list[Series]:
+    """What is known of every lane over time; nothing unless scores are looked at."""
+    view = page.state.compare
+    if view.inspector != "scores":
+        return []
+    subject = "protocol" if view.replays else "strip"
+    found = [page.results.get(slot_of(subject, lane)) for lane in page.lanes]
+    return [series_of(lane, result, view.replays) for lane, result in zip(page.lanes, found, strict=True)]
+
+
+def _title(words: dict[str, Any], name: str) -> str:
+    return next((title for title, known in words.items() if known == name), next(iter(words)))
+
+
+def _see(handle: Any, is_visible: bool) -> None:
+    if handle.visible != is_visible:
+        handle.visible = is_visible

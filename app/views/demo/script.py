@@ -1,0 +1,146 @@
+"""The demo while nobody touches it: recording after recording, each in three acts that point at the live pictures.
+
+Any touch hands control over; when the page was left alone for `IDLE` seconds it starts afresh and goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from app.state import intents as ask
+from app.state.view_state import ViewState
+from app.views.compare.state import CompareIntent
+from app.views.demo.state import Act, DemoState, PointAt
+from app.views.inspect.state import InspectIntent
+from app.views.recording.state import RecordingIntent
+
+IDLE = 60.0
+"""Seconds without a touch after which the page belongs to the next visitor."""
+MOST_MESSAGES = 120.0
+"""A second, of one visitor: more than any hand makes (a dragged slider sends about 60)."""
+BURST = 240.0
+MOST_VISITORS = 24
+"""At once: what two cores keep up with when all of them only watch."""
+STALLED = 20.0
+"""Seconds after which an act ends though what it is about never came."""
+
+_PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
+"""Where the third act looks from, as fractions of the picture."""
+FORBIDDEN = (
+    ask.ReopenRecording
+    | ask.ChooseModel
+    | ask.ChoosePrecision
+    | ask.ChoosePolicy
+    | InspectIntent
+    | CompareIntent
+    | RecordingIntent
+)
+"""What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
+
+
+@dataclass(frozen=True, slots=True)
+class DemoStep:
+    """A stretch of the show: what it does when it begins, and for how long it stays.
+
+    `recording_id`: the page starts afresh with it; `None`: it goes on as it is.
+    """
+
+    seconds: float
+    act: Act
+    recording_id: str | None = None
+    plays: bool = False
+    place: tuple[float, float] | None = None
+
+
+def steps_of(recording_id: str) -> tuple[DemoStep, ...]:
+    """The three acts of one recording."""
+    looks = tuple(DemoStep(1.8, "places", place=place) for place in _PLACES)
+    return (DemoStep(6.0, "events", recording_id, plays=True), DemoStep(6.0, "image", plays=True), *looks)
+
+
+class DemoScript:
+    """Leads a page from its first moment on. Times are seconds of any steady clock."""
+
+    def __init__(self, recording_ids: Sequence[str]) -> None:
+        self._ids = tuple(recording_ids)
+        self._beats = self._rounds()
+        self._beat: DemoStep | None = None
+        self._began_at = 0.0
+        self._asked_at = 0.0
+        self._touched_at: float | None = None
+
+    @property
+    def is_leading(self) -> bool:
+        """Whether nobody has touched the page of late."""
+        return self._touched_at is None
+
+    def touch(self, now: float) -> bool:
+        """A visitor did something; whether control goes over to him with this touch."""
+        was_leading, self._touched_at = self.is_leading, now
+        return was_leading
+
+    def due(self, is_up: bool, now: float) -> DemoStep | None:
+        """The beat that begins now; `None` while the present one lasts, or a visitor leads.
+
+        `is_up`: the recording is there and has its first image, or what the act is about.
+        """
+        if not self._ids:
+            return None
+        if self._touched_at is not None:
+            if now - self._touched_at < IDLE:
+                return None
+            self._touched_at, self._beat, self._beats = None, None, self._rounds()
+        beat = self._beat
+        if beat is not None:
+            if not is_up and now - self._asked_at < STALLED:
+                self._began_at = now  # its time counts from when there is something to see
+                return None
+            if now - self._began_at < beat.seconds:
+                return None
+        self._beat, self._began_at, self._asked_at = next(self._beats), now, now
+        return self._beat
+
+    def _rounds(self) -> Iterator[DemoStep]:
+        while True:
+            for recording_id in self._ids:
+                yield from steps_of(recording_id)
+
+
+def intents_of(beat: DemoStep, state: ViewState) -> tuple[ask.Intent, ...]:
+    """What a beat asks of the page when it begins."""
+    intents: list[ask.Intent] = [PointAt(beat.act)]
+    if beat.plays != state.is_playing:
+        intents.append(ask.TogglePlay())
+    if beat.place is not None:
+        intents.append(ask.QueryFraction(*beat.place))
+    return tuple(intents)
+
+
+def public_view(default: ViewState) -> ViewState:
+    """How a public page begins: large pictures, each shown when the network has made it."""
+    return replace(
+        default,
+        workspace="demo",
+        waits_for_frames=True,
+        camera="front",
+        map_range="per map",
+        show=DemoState(is_demo=True),
+    )
+
+
+class Throttle:
+    """A bucket of `BURST` messages that fills by `MOST_MESSAGES` a second; what finds it empty is let go."""
+
+    def __init__(self, now: float) -> None:
+        self._level = BURST
+        self._at = now
+
+    def takes(self, now: float) -> bool:
+        """Whether one more message passes."""
+        self._level = min(BURST, self._level + (now - self._at) * MOST_MESSAGES)
+        self._at = now
+        if self._level < 1.0:
+            return False
+        self._level -= 1.0
+        return True

@@ -1,0 +1,109 @@
+"""The whole command that makes what the page takes away: every choice in it, quoted for a shell."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from app.html.moment import Moment
+from app.views.demo.state import ExportFormat, StartExport, arrays_of
+from etnet.events.assumptions import Assumptions
+from etnet.events.opened_as import View
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+
+_KINDS: dict[ExportFormat, str] = {
+    "mp4": "video", "gif": "gif", "png": "frames", "page": "page", "npz": "arrays", "h5": "arrays", "csv": "csv",
+    "session": "session",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """How the command line is told of what is on show: by names, never by where a file lies."""
+
+    file: str
+    model: str
+    precision: str = "fp32"
+    device: str = "cpu"
+
+
+def export_command(wanted: StartExport, moment: Moment, run: Run, query: tuple[int, int] | None, out: str) -> str:
+    """`etnet export …`, typed where the recording lies, for the windows, network and look that the page would use."""
+    words = ["etnet", "export", _KINDS[wanted.parcel], _as_operand(run.file), "-o", out, "--model", run.model]
+    words += ["--windows", policy_text(moment.policy), "--precision", run.precision]
+    words += [] if run.device == "cpu" else ["--device", run.device]
+    words += _range(wanted, moment)
+    if (opened := moment.recording.opened_as) is not None:
+        words += [*_statement(opened.assumed), *_view(opened.view)]
+    words += _look(wanted, query)
+    return shlex.join(words)
+
+
+def policy_text(policy: Policy) -> str:
+    """A window policy as `--windows` takes it."""
+    match policy:
+        case BetweenFrames():
+            return "between-frames"
+        case ByCount(num_events):
+            return f"count={num_events}"
+        case ByDensity(events_per_pixel):
+            return f"density={events_per_pixel!r}"
+        case ByDuration(duration, stride):
+            return f"duration={_time(duration)}" + ("" if stride is None else f"/{_time(stride)}")
+
+
+def _time(microseconds: int) -> str:
+    return f"{microseconds // 1000}ms" if microseconds % 1000 == 0 else f"{microseconds}us"
+
+
+def _as_operand(name: str) -> str:
+    return f"./{name}" if name.startswith("-") else name
+
+
+def _range(wanted: StartExport, moment: Moment) -> list[str]:
+    if wanted.parcel == "png":
+        return ["--range", f"{moment.index}:{moment.index + 1}"]
+    if wanted.first is None and wanted.last is None:
+        return []
+    first = wanted.first or 0
+    stop = "" if wanted.last is None else max(wanted.last, first) + 1
+    return ["--range", f"{first}:{stop}"]
+
+
+def _look(wanted: StartExport, query: tuple[int, int] | None) -> Iterator[str]:
+    if wanted.parcel in ("mp4", "gif", "png"):
+        yield from ("--panels", *wanted.panels)
+        if wanted.has_stamps:
+            yield "--stamps"
+    if wanted.parcel in ("mp4", "gif"):
+        yield from ("--speed", f"{wanted.speed:g}")
+    if wanted.parcel in ("npz", "h5"):
+        names = arrays_of(wanted, query)
+        yield from ("--what", *names)
+        if query is not None and "attention" in names:
+            yield from ("--queries", f"{query[0]},{query[1]}")
+
+
+def _statement(stated: Assumptions) -> Iterator[str]:
+    if stated.width is not None:
+        yield from ("--assume", f"width={stated.width},height={stated.height}")
+    if stated.time_unit is not None:
+        yield from ("--time-unit", stated.time_unit)
+    if stated.polarity != "auto":
+        yield from ("--polarity", stated.polarity)
+    if stated.sort:
+        yield "--sort"
+    if stated.drop_outside:
+        yield "--drop-outside"
+
+
+def _view(view: View) -> Iterator[str]:
+    if view.region is not None:
+        yield from ("--region", *map(str, view.region))
+    if view.downsample != 1:
+        yield from ("--downsample", str(view.downsample))
+    if view.flip != "none":
+        yield from ("--flip", view.flip)
+    if view.rotate:
+        yield from ("--rotate", str(view.rotate))

@@ -1,0 +1,257 @@
+"""What a visitor takes home, made while nobody waits: the model's steps on the engine's thread, the file beside it.
+
+The writers are those of `etnet export`, so that files are the same. They run in a thread of their own and ask for
+steps; between two steps requests are granted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from jaxtyping import UInt8
+
+from app.engine.file_writer import Writer
+from app.engine.jobs import KEPT_BYTES, Job
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest, Ready
+from app.state.view_state import ViewState
+from app.views.demo.state import ExportFormat, Order, arrays_of
+from etnet.errors import Cancelled, EtnetError
+from etnet.nets.intervention import Intervention
+
+if TYPE_CHECKING:
+    from etnet.events.recording import Recording
+    from etnet.export.take import Progress, Take
+    from etnet.playback.playback import Playback
+
+SLOT = "take away"
+LARGEST = KEPT_BYTES
+"""Bytes that are handed out through the page at most; larger ones are made by the command line."""
+MOST_WINDOWS = 20_000
+PATIENCE = 0.05
+"""Seconds for which a writer that works on its own, without a step, holds the engine up at a time."""
+ENDINGS: dict[ExportFormat, str] = {
+    "mp4": "mp4", "gif": "gif", "png": "png", "npz": "npz", "h5": "h5", "csv": "csv", "page": "html",
+    "session": "session.json",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Made:
+    """A whole file, by the name under which it is handed over."""
+
+    name: str
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Taking:
+    """The job that makes one file. Its answer is `None` until it is a `Made`."""
+
+    order: Order
+
+    @property
+    def request(self) -> FrameRequest:
+        """The playback that it needs."""
+        order = self.order
+        return FrameRequest(order.recording_id, order.model_id, order.precision, order.policy, order.index)
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Made | None, float]]:
+        """One step of the network, or a moment's wait for the writer, between two yields."""
+        take = _take_of(self.order, loaded)
+        relay = cast(Any, take.playback)
+        with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
+            name = file_name(take.recording.name, self.order.wanted.parcel)
+            path = Path(folder) / name
+            work = partial(_write, self.order, take, path, loaded.contract.threads)
+            writer = Writer(work, "taking away", relay.give_up)
+            try:
+                while not writer.is_done:
+                    with suppress(Cancelled):  # somebody waits for a frame: it comes first, the writer's step after it
+                        relay.serve(cancelled)
+                    yield None, min(writer.share, 0.99)
+                writer.raise_failure()
+            finally:
+                writer.stop()
+            size = path.stat().st_size
+            if size > LARGEST:
+                raise EtnetError(
+                    f"{name} comes to {size / 1e6:.0f} MB; a page hands out at most {LARGEST / 1e6:.0f}: "
+                    "take fewer windows, or use `etnet export`"
+                )
+            made = Made(name, path.read_bytes())
+        yield made, 1.0
+
+
+def export_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
+    """The file that was ordered, if any."""
+    return {} if state.show.order is None else {SLOT: Taking(state.show.order)}
+
+
+def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
+    """Write one file with the command line's own writer and its defaults."""
+    from etnet.export.arrays import ArraysChoice, write_arrays
+    from etnet.export.page import PageConfig, write_page
+    from etnet.export.pictures import Look, card_gamma, draw
+    from etnet.export.session_file import Change, record_session, write_session
+    from etnet.export.table import write_table
+    from etnet.export.video import write_gif, write_video
+
+    wanted, gamma = order.wanted, card_gamma(take.playback.model)
+    look = Look(wanted.panels, gamma, 1, wanted.has_stamps)
+    match wanted.parcel:
+        case "mp4":
+            write_video(take, path, look, wanted.speed, progress, is_cancelled)
+        case "gif":
+            write_gif(take, path, look, wanted.speed, progress, is_cancelled)
+        case "png":
+            from etnet.export.images import write_png
+
+            if order.view is not None:
+                write_png(path, _sheet(order, order.view, take))
+                return
+            moment = next(take.moments(progress=progress, is_cancelled=is_cancelled))
+            write_png(path, draw(moment, look, len(take.playback)))
+        case "npz" | "h5":
+            queries = () if order.query is None else (order.query,)
+            write_arrays(take, path, ArraysChoice(arrays_of(wanted, order.query), queries), progress, is_cancelled)
+        case "csv":
+            write_table(take, path, progress, is_cancelled)
+        case "page":
+            page = PageConfig(title=take.recording.name, gamma=gamma)
+            write_page(take, order.policy, path, page, (), progress, is_cancelled)
+        case "session":
+            _refuse_what_passes(take.recording)
+            at = order.change.run_from
+            change = None if at is None or at >= take.stop else Change(at, order.change.intervention)
+            write_session(record_session(take, order.policy, change, None, progress, is_cancelled), path)
+
+
+def _refuse_what_passes(recording: Recording) -> None:
+    """Nobody could open it again as it is now."""
+    if recording.growth is not None:
+        raise EtnetError(f"{recording.name}: only a part of it is indexed by now; take its session when all of it is")
+    if recording.path is not None and recording.opened_as is None:
+        raise EtnetError(
+            f"{recording.name}: a simulated video is gone with its page; cut its events out first, download them, and "
+            "take a session of that file"
+        )
+
+
+def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 3"]:
+    """What the page shows of the moment, drawn as it draws it, of the network and the events unchanged."""
+    from app.html.moment import Moment
+    from app.html.pictures import Tones
+    from app.views.attention.html.maps import AttentionLook
+    from app.views.export.sheet import sheet_picture
+    from etnet.nets.attention import AttentionProbe
+    from etnet.nets.runtime import contract_of
+
+    taken = next(take.moments(None if view.query is None else AttentionProbe()))
+    card = getattr(take.playback.model, "card", {})
+    is_linear_light = bool(card) and card.get("target_tone", "linear") == "linear"
+    request = FrameRequest(
+        order.recording_id, order.model_id, order.precision, order.policy, order.index, view.query is not None
+    )
+    contract = contract_of(take.playback.model)
+    ready = Ready(request, taken.frame, taken.step.attention, 0.0, True, False, False, contract, order.index)
+    moment = Moment(order.recording_id, order.policy, order.index, take.recording, take.playback.windows)
+    network = getattr(take.playback.model, "name", order.model_id)
+    look, tones = AttentionLook.of(view, is_linear_light), Tones.of(view, is_linear_light)
+    return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.event_image)
+
+
+def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Writer) -> None:
+    import torch
+
+    torch.set_num_threads(num_threads)  # a thread begins with torch's own number, not the engine's
+
+    def progress(done: int, total: int) -> None:
+        writer.share = done / max(total, 1)
+
+    write(order, take, path, progress, lambda: writer.is_stopped)
+
+
+class _Relay:
+    """A playback as a writer's thread sees it: its steps are made on the engine's thread, one at a time."""
+
+    def __init__(self, playback: Playback) -> None:
+        self.recording, self.windows, self.model = playback.recording, playback.windows, playback.model
+        self._playback = playback
+        self._asked: SimpleQueue[tuple[int, Any]] = SimpleQueue()
+        self._answers: SimpleQueue[Any] = SimpleQueue()
+        self._open: tuple[int, Any] | None = None
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def at(self, index: int, probe: Any = None, **_: object) -> Any:
+        """The step of a window. Called by the writer; waits for the engine."""
+        self._asked.put((index, probe))
+        answer = self._answers.get()
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
+
+    def branch(self, at: int, intervention: Intervention) -> _Relay:
+        """Itself, with a change in the steps from window `at` on. Called by the writer before it asks for any."""
+        self._playback = self._playback.branch(at, intervention)
+        return self
+
+    def serve(self, cancelled: Callable[[], bool]) -> None:
+        """Make the step that is asked for, or wait a moment for one. A step that is `Cancelled` is still owed."""
+        if self._open is None:
+            try:
+                self._open = self._asked.get(timeout=PATIENCE)
+            except Empty:
+                return
+        index, probe = self._open
+        try:
+            answer = self._playback.at(index, probe, cancelled=cancelled)
+        except Cancelled:
+            raise
+        except Exception as error:
+            answer = error
+        self._open = None
+        self._answers.put(answer)
+
+    def give_up(self) -> None:
+        """Let a writer that waits go."""
+        self._answers.put(Cancelled("what was to be taken away is not wanted any more"))
+
+
+def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
+    from etnet.export.take import Take
+
+    num_windows = len(loaded.windows)
+    wanted = order.wanted
+    if wanted.parcel == "png":
+        first = last = order.index
+    else:
+        first = 0 if wanted.first is None else min(max(wanted.first, 0), num_windows - 1)
+        last = num_windows - 1 if wanted.last is None else min(max(wanted.last, first), num_windows - 1)
+    if last - first >= MOST_WINDOWS:
+        raise EtnetError(
+            f"{last - first + 1:,} windows are more than a page takes away ({MOST_WINDOWS:,}); "
+            "choose a range, or use `etnet export`"
+        )
+    return Take(cast("Playback", _Relay(loaded.playback)), first, last + 1)
+
+
+def file_name(name: str, parcel: ExportFormat) -> str:
+    """What a parcel of a recording is called."""
+    return f"{plain_name(name)}.{ENDINGS[parcel]}"
+
+
+def plain_name(name: str) -> str:
+    """A recording's name as a file's: letters, digits and a few signs."""
+    stem = name.removesuffix(".h5").removesuffix(".zip")
+    return "".join(sign if sign.isalnum() or sign in "-_." else "_" for sign in stem).strip(".")[:80] or "recording"

@@ -1,0 +1,111 @@
+"""What one pixel owes to events, and to other places through attention, now and over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest
+from app.views.inspect.jobs.arrays import array
+from app.views.inspect.results import Followed, RolledOut, Traced, TracedWindow
+from etnet.errors import ModelError
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+
+
+FOLLOWED = 24
+"""Windows through which a pixel's attention is followed."""
+NEAR = 16
+"""Pixels to each side of the pixel that count as near it."""
+
+
+@dataclass(frozen=True, slots=True)
+class AttributionJob:
+    """Which events made a pixel: its gradient back through `num_back` windows."""
+
+    request: FrameRequest
+    pixel: tuple[int, int]
+    num_back: int
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Traced, float]]:
+        """One pass back."""
+        from etnet.inspection.attribution import attribute
+
+        playback = loaded.playback
+        found = attribute(playback, self.request.index, self.pixel, self.num_back, cancelled)
+        windows = [playback.windows[window.index] for window in found.windows]
+        traced = tuple(
+            TracedWindow(share.index, share.events, share.weights, window.t_start, window.t_stop)
+            for share, window in zip(found.windows, windows, strict=True)
+        )
+        yield Traced(found.pixel, found.value, traced), 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class RolloutJob:
+    """Attention rolled out through all of TPA, from the pixel's token back to what enters."""
+
+    request: FrameRequest
+    pixel: tuple[int, int]
+    discard: float
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[RolledOut, float]]:
+        """One decode that is watched, and about as much again."""
+        from etnet.inspection.rollout import rollout
+
+        attention = _watched(loaded, self.request, cancelled)
+        found = rollout(attention, attention.grid.token_at(*self.pixel), self.discard, cancelled=cancelled)
+        yield RolledOut(found.scales, array(found.weights), self.discard), 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ThroughTimeJob:
+    """The pixel's attention at one site over the last windows: one decode each."""
+
+    request: FrameRequest
+    pixel: tuple[int, int]
+    site: str
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Followed, float]]:
+        """One window more each time. Nothing of it is lost when others are served between two of them."""
+        from etnet.inspection.mass import Region, region_shares
+        from etnet.inspection.through_time import Track, attention_through_time
+        from etnet.nets.padding import TokenGrid
+
+        playback, last = loaded.playback, self.request.index
+        sensor = playback.recording.sensor
+        grid = TokenGrid(sensor.height, sensor.width)
+        x, y = self.pixel
+        region = Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1)
+        even = float(region_shares(grid, region).mean())
+        indices = range(max(0, last - FOLLOWED + 1), last + 1)
+        playback.lay_state(indices[0], cancelled)
+        moments = []
+        for index in indices:
+            moments += attention_through_time(playback, self.pixel, [index], frozenset({self.site}), region)
+            track = Track.of(moments)
+            followed = Followed(
+                tuple(track.index.tolist()),
+                tuple(track.t.tolist()),
+                array(track.along_row[:, 0].mean(1) * grid.num_tokens),
+                array(track.entropy[:, 0].mean(1)),
+                array(track.mass[:, 0].mean(1)),
+                even,
+                grid.num_tokens,
+                NEAR,
+            )
+            yield followed, len(moments) / len(indices)
+
+
+def _watched(loaded: LoadedPlayback, request: FrameRequest, cancelled: Callable[[], bool]) -> Attention:
+    """q and k of all sites, of the network as it is changed."""
+    from etnet.nets.attention import AttentionProbe
+
+    playback, intervention = loaded.playing(request)
+    attention = playback.at(request.index, AttentionProbe(), intervention, cancelled).attention
+    if attention is None or not attention.sites:
+        raise ModelError(f"{playback.model.name} has no attention to roll out")
+    return attention

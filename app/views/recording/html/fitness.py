@@ -1,0 +1,121 @@
+"""What kind of recording this is, against what the weights were trained on; its hot pixels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.html.elements import empty, escape, panel
+from app.html.moment import ARRAYS, Moment
+from app.html.provenance import ModelFacts
+from app.html.units import count, milliseconds, short
+from app.views.timeline.html import curve_of, plan_of
+
+if TYPE_CHECKING:
+    from app.engine.jobs import JobResult
+    from etnet.events.fitness import Fitness
+
+MOST_HOT = 12
+LITTLE_GAIN = 0.05
+"""A lag that raises the correlation by less is not worth a correction."""
+Row = tuple[str, str, float | None, str, str]
+"""What, the value in words, as a number, the card's key for its range, what it means."""
+
+
+def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts, *, on_pick: str = "") -> str:
+    """One row a property: measured, trained range, verdict. A click on a hot pixel goes to it."""
+    if result is None or result.value is None:
+        if result is not None and result.trouble:
+            return panel("fitness", empty("Cannot be measured", result.trouble))
+        return panel("fitness", empty("Looking the recording through", "It is measured while nobody waits."))
+    found: Fitness = result.value
+    rows = "".join(_row(row, model) for row in _rows(moment, found))
+    busy = "" if result.is_whole else f'<div class="et-bar"><i style="width:{result.share:.0%}"></i></div>'
+    head = "<tr><th>property</th><th>measured</th><th>trained on</th></tr>"
+    title = f'<div class="et-lead">Is this what “{escape(model.title)}” was trained for?</div>'
+    hot = _hot(found, on_pick) if result.share >= 0.8 else ""
+    lean = '<div class="et-note">Ranges are those on the weights’ card; where it gives none, nothing is guessed.</div>'
+    return panel("fitness", title, busy, f'<table class="et-fit">{head}{rows}</table>', lean, hot)
+
+
+def _rows(moment: Moment, found: Fitness) -> list[Row]:
+    rows: list[Row] = []
+    density = _density(moment)
+    words = "in the middle window of a sample over the recording"
+    rows.append(("events per pixel", short(density), density, "events_per_pixel", words))
+    activity = found.activity
+    if activity is not None:
+        on = activity.on_share
+        ratio = on / max(1 - on, 1e-9)
+        of = f"ON to OFF, of {count(activity.num_looked_at)} events looked at"
+        rows.append(("ON : OFF", f"{ratio:.2f}", ratio, "on_off_ratio", of))
+        noise = f"{short(activity.noise_rate)} /pixel/s"
+        meaning = "events nothing near supports within 20 ms: an upper bound"
+        rows.append(("noise", noise, activity.noise_rate, "noise_rate", meaning))
+        if activity.refractory is not None:
+            wait = milliseconds(activity.refractory / 1000)
+            rows.append(("refractory time", wait, activity.refractory, "refractory_us", "1 wait in 1,000 is shorter"))
+    return [*rows, *_against_frames(moment, found)]
+
+
+def _against_frames(moment: Moment, found: Fitness) -> list[Row]:
+    if moment.recording.ground_truth is None:
+        why = "needs camera frames, which this recording has not"
+        return [("contrast threshold", "–", None, "contrast_threshold", why)]
+    rows: list[Row] = []
+    if found.thresholds is not None:
+        both = f"{found.thresholds.on:.2f} / {found.thresholds.off:.2f}"
+        mean = (found.thresholds.on + found.thresholds.off) / 2
+        why = f"ON / OFF, log brightness; explains {found.thresholds.explained:.0%} of the frames’ change"
+        rows.append(("contrast threshold", both, mean, "contrast_threshold", why))
+    if found.lag is not None:
+        lag = found.lag
+        gain = lag.correlation - lag.correlation_unshifted
+        said = f"correlation {lag.correlation_unshifted:.2f} as stamped, {lag.correlation:.2f} shifted"
+        advice = "; worth setting as the camera’s clock" if gain >= LITTLE_GAIN else "; not worth a correction"
+        rows.append(("camera lags by", f"{lag.shift / 1000:+.0f} ms", None, "", f"{said}{advice}"))
+    return rows
+
+
+def _row(row: Row, model: ModelFacts) -> str:
+    what, words, value, key, meaning = row
+    band = model.card.get(key) if key else None
+    trained, verdict = ("not on card" if key else "–"), ""
+    if isinstance(band, list) and len(band) == 2 and value is not None:
+        trained = f"{short(float(band[0]))} to {short(float(band[1]))}"
+        inside = band[0] <= value <= band[1]
+        verdict = '<b class="et-exact">inside</b>' if inside else '<b class="et-warning">outside</b>'
+    return (
+        f'<tr data-testid="fit-{what}"><td>{what}<div class="et-note">{escape(meaning)}</div></td>'
+        f"<td>{words}</td><td>{trained} {verdict}</td></tr>"
+    )
+
+
+def _density(moment: Moment) -> float:
+    """The median of events per pixel over a sample of windows."""
+
+    def make() -> float:
+        indices = curve_of(moment).indices[:: max(1, len(curve_of(moment).indices) // 60)]
+        counts = [moment.windows[int(index)].num_events for index in indices]
+        return float(np.median(counts)) / moment.recording.sensor.num_pixels
+
+    return ARRAYS.get(("median density", *plan_of(moment)), make)
+
+
+def _hot(found: Fitness, on_pick: str) -> str:
+    cleaned = (
+        f'<button class="et-back" data-k="lane:cleaned" {on_pick}>Compare with a lane of cleaned events</button>'
+        if on_pick
+        else ""
+    )
+    if not found.hot:
+        return f'<div class="et-note">No hot pixels: none fires 10 times more than all its neighbours.</div>{cleaned}'
+    listed = "".join(
+        f'<button class="et-back" data-k="at:{pixel.x},{pixel.y}" {on_pick}>({pixel.x}, {pixel.y}) · '
+        f"{count(pixel.num_events)}</button>"
+        for pixel in found.hot[:MOST_HOT]
+    )
+    more = f", the worst {MOST_HOT} of them" if len(found.hot) > MOST_HOT else ""
+    title = f"{count(len(found.hot))} hot pixels{more} · events each · click to go there"
+    return f'<div class="et-note">{title}</div><div class="et-chips" data-testid="hot">{listed}</div>{cleaned}'

@@ -1,0 +1,79 @@
+"""A stretch of the recording on show as a recording of its own: the file of `etnet cut`, made beside the engine."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from app.engine.file_writer import Writer
+from app.engine.jobs import Job
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest
+from app.state.view_state import ViewState
+from app.views.export.jobs import LARGEST, PATIENCE, Made, plain_name
+from app.views.recording.state import TrimOrder
+from etnet.errors import EtnetError
+from etnet.events.recording import Recording
+
+SLOT = "source/cut"
+_ADVICE = "mark a shorter stretch, or use `etnet cut`"
+
+
+@dataclass(frozen=True, slots=True)
+class Cutting:
+    """The job that makes the file. Its answer is `None` until it is a `Made`."""
+
+    order: TrimOrder
+
+    @property
+    def request(self) -> FrameRequest:
+        """The playback whose events these are."""
+        order = self.order
+        return FrameRequest(order.excerpt.recording_id, order.model_id, order.precision, order.policy, 0)
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Made | None, float]]:
+        """A moment's wait for the writer between two yields; it needs no step of the network."""
+        recording = loaded.playback.recording
+        with tempfile.TemporaryDirectory(prefix="etnet-cut-") as folder:
+            path = Path(folder) / f"{plain_name(recording.name)}_cut.h5"
+            writer = Writer(partial(_write, self.order, recording, path), "cutting")
+            try:
+                while not writer.is_done:
+                    writer.wait(PATIENCE)
+                    yield None, min(writer.share, 0.99)
+                writer.raise_failure()
+            finally:
+                writer.stop()
+            made = Made(path.name, path.read_bytes())
+        yield made, 1.0
+
+
+def trim_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
+    """The cut that was ordered, if any."""
+    return {} if state.source.cut is None else {SLOT: Cutting(state.source.cut)}
+
+
+def _write(order: TrimOrder, recording: Recording, path: Path, writer: Writer) -> None:
+    """Write the file; it is ended between two blocks of events or two frames."""
+    from etnet.events.write import write_recording
+
+    excerpt = order.excerpt
+    start = 0 if excerpt.begin is None else excerpt.begin.event
+    stop = recording.num_events if excerpt.end is None else excerpt.end.event
+    span = (
+        recording.span.start if excerpt.begin is None else excerpt.begin.stamp,
+        recording.span.stop if excerpt.end is None else excerpt.end.stamp,
+    )
+    if start >= stop:
+        raise EtnetError("there is no event between the marks; mark a longer stretch")
+
+    def progress(share: float) -> None:
+        writer.note(share)
+        size = sum(part.stat().st_size for part in path.parent.iterdir())
+        if size > LARGEST:
+            raise EtnetError(f"this stretch comes to more than the {LARGEST / 1e6:.0f} MB of a page; {_ADVICE}")
+
+    write_recording(recording, path, "event_utils", start=start, stop=stop, span=span, progress=progress)

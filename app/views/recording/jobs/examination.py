@@ -1,0 +1,33 @@
+"""The doctor's page of the open recording: looked through once, a block of events at a time, whoever asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+from app.engine.jobs import Job
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest
+from app.state.view_state import ViewState
+from etnet.events.examine import Examination, look_through
+
+SLOT = "source/doctor"
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorStudy:
+    """A job: the recording's `Examination`. It is the same for every network and for every cut into windows."""
+
+    recording_id: str
+    request: FrameRequest = field(compare=False)
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Examination | None, float]]:
+        """`None` until all is seen."""
+        yield from look_through(loaded.playback.recording)
+
+
+def examination_jobs(state: ViewState, request: FrameRequest) -> dict[str, Job]:
+    """Asked while the doctor's page is open."""
+    if not state.source.examines:
+        return {}
+    return {SLOT: DoctorStudy(state.recording_id, replace(request.plain, index=0))}

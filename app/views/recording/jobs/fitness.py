@@ -1,0 +1,32 @@
+"""What kind of recording this is: measured once, whoever asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from app.engine.jobs import Job
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest
+from app.state.view_state import ViewState
+from etnet.events.fitness import Fitness, measure_fitness
+
+SLOT = "compare/fit"
+
+
+@dataclass(frozen=True, slots=True)
+class FitStudy:
+    """A job: the recording's `Fitness`."""
+
+    request: FrameRequest
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Fitness, float]]:
+        """What is known after each stretch."""
+        yield from measure_fitness(loaded.playback.recording)
+
+
+def fitness_jobs(state: ViewState, request: FrameRequest) -> dict[str, Job]:
+    """Asked while its inspector is open."""
+    if state.compare.inspector != "fit":
+        return {}
+    return {SLOT: FitStudy(replace(request.plain, index=0))}

@@ -1,0 +1,228 @@
+"""Which recording, cut into which windows, by which network in which precision."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from typing import Any
+
+import viser
+
+from app.catalogue.recording_id import listed_id
+from app.catalogue.videos import CONTRASTS, NOISES, USUAL, film_id
+from app.engine.jobs import JobResult
+from app.session.channel import ON_PICK
+from app.state import intents as ask
+from app.views.recording.assumptions_panel import Statement
+from app.views.recording.html.cut import excerpt_html
+from app.views.recording.html.examination import closed_html, doctor_html
+from app.views.recording.html.uploads import handing_html
+from app.views.recording.html.video import film_html
+from app.views.recording.jobs.cut import SLOT as CUT
+from app.views.recording.jobs.examination import SLOT
+from app.views.view import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+
+KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
+PRECISIONS: dict[ask.Precision, str] = {"auto": "whichever is faster", "fp32": "fp32", "bf16": "bf16"}
+DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
+STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
+
+MOST_NAMED = 5
+GONE = "– not in the folder any more"
+
+
+class RecordingPanel:
+    """What is looked at, and through what."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """Dropdowns speak titles; intents speak ids."""
+        self._recordings: dict[str, str] = {}
+        self._models: dict[str, str] = {}
+        self._recording = gui.add_dropdown("Recording", ("–",))
+        self._handing = Html(gui)
+        low, high = CONTRASTS
+        self._contrast = gui.add_slider("Contrast threshold", low, high, 0.05, USUAL[0], visible=False)
+        self._noise = gui.add_slider("Sensor noise", *NOISES, 0.1, USUAL[1], visible=False)
+        self._film = Html(gui)
+        self._recording_id = ""
+        self._statement = Statement()
+        self._statement.build(gui, dispatch)
+        self._kind = gui.add_dropdown("Windows by", KINDS)
+        self._number = gui.add_number("Each holds", 0.35, min=0.0001)
+        self._model = gui.add_dropdown("Network", ("–",))
+        self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
+        self._facts = Html(gui)
+        self._cut = Html(gui)
+        self._doctor = Html(gui)
+        arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
+        on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
+        on_visitor(self._contrast, lambda contrast: self._seen(float(contrast), self._noise.value), dispatch)
+        on_visitor(self._noise, lambda noise: self._seen(self._contrast.value, float(noise)), dispatch)
+        on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
+        on_visitor(self._number, self._policy_with, dispatch)
+        on_visitor(self._model, lambda title: _chosen(self._models.get(title)), dispatch)
+        on_visitor(self._precision, lambda text: ask.ChoosePrecision(arithmetic.get(text, "auto")), dispatch)
+
+    def show(self, page: Page) -> None:
+        """Let the widgets say what is open, and list what was noticed on opening it."""
+        _offer(self._recording, self._recordings, page.recordings, listed_id(page.state.recording_id))
+        self._handing.show("" if page.desk is None else handing_html(page.desk, ON_PICK))
+        self._show_film(page)
+        self._statement.show(page)
+        _offer(self._model, self._models, page.models, page.state.model_id)
+        assign(self._precision, PRECISIONS[page.state.precision])
+        self._show_policy(page.state.policy)
+        self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
+        self._cut.show(_cut(page))
+        self._doctor.show(_doctor(page))
+
+    def _seen(self, contrast: float, noise: float) -> ask.Intent | None:
+        """The same video under another setting."""
+        is_shown = self._recording_id and math.isfinite(contrast) and math.isfinite(noise)
+        return ask.ReopenRecording(film_id(self._recording_id, contrast, noise)) if is_shown else None
+
+    def _show_film(self, page: Page) -> None:
+        film = page.film
+        self._recording_id = "" if film is None else page.state.recording_id
+        for slider in (self._contrast, self._noise):
+            if slider.visible != (film is not None):
+                slider.visible = film is not None
+        if film is not None:
+            assign(self._contrast, film.contrast)
+            assign(self._noise, film.noise)
+        self._film.show("" if film is None else film_html(film))
+
+    def _policy_with(self, number: float) -> ask.Intent | None:
+        return ask.ChoosePolicy(policy_of(self._kind.value, float(number))) if number > 0 else None
+
+    def _show_policy(self, policy: Policy | None) -> None:
+        if policy is None:
+            return
+        kind, number = words_of(policy)
+        assign(self._kind, kind)
+        self._number.visible = kind != "camera frames"
+        if kind != "camera frames" and seconds_since_touched(self._number) > 0.4:
+            self._number.step = STEPS[kind]
+            assign(self._number, number)
+
+
+def policy_of(kind: str, number: float) -> Policy:
+    """A window policy from its words; every number is brought to the least that the policy takes."""
+    match kind:
+        case "milliseconds":
+            return ByDuration(max(1, round(min(number, 1e7) * 1000)))
+        case "number of events":
+            return ByCount(max(1, round(min(number, 1e9))))
+        case "camera frames":
+            return BetweenFrames()
+    return ByDensity(min(max(number, 1e-4), 1e4))
+
+
+def words_of(policy: Policy) -> tuple[str, float]:
+    """The words of a policy, and its number (0 for none)."""
+    match policy:
+        case ByDuration(duration, _):
+            return "milliseconds", duration / 1000
+        case ByCount(num_events):
+            return "number of events", float(num_events)
+        case ByDensity(events_per_pixel):
+            return "events per pixel", events_per_pixel
+        case BetweenFrames():
+            return "camera frames", 0.0
+
+
+def _opened(recording_id: str | None) -> ask.Intent | None:
+    return None if recording_id is None else ask.OpenRecording(recording_id)
+
+
+def _chosen(model_id: str | None) -> ask.Intent | None:
+    return None if model_id is None else ask.ChooseModel(model_id)
+
+
+def offered(choices: tuple[Choice, ...]) -> dict[str, str]:
+    """Ids by the titles of a dropdown. Two of one name are told apart by where they come from, at last by a sign."""
+    titles: dict[str, str] = {}
+    for choice in choices:
+        title = choice.title if choice.title not in titles else f"{choice.title} ({choice.subtitle})"
+        while title in titles:
+            title += " ·"
+        titles[title] = choice.id
+    return titles
+
+
+def _offer(
+    dropdown: viser.GuiDropdownHandle[Any], ids: dict[str, str], choices: tuple[Choice, ...], chosen: str
+) -> None:
+    titles = offered(choices)
+    if chosen and chosen not in titles.values():
+        titles = {GONE: chosen, **titles}  # a dropdown would otherwise name another one than is on show
+    if titles and titles != ids:
+        ids.clear()
+        ids.update(titles)
+        dropdown.options = tuple(titles)
+    for title, choice_id in ids.items():
+        if choice_id == chosen:
+            assign(dropdown, title)
+
+
+def _facts(page: Page) -> str:
+    writing = _writing(page.growing)
+    if page.moment is None:
+        said = f'<div class="et-note">{escape(page.trouble)}</div>' if page.trouble else ""
+        return f'<div class="et">{said}{writing}</div>' if said or writing else ""
+    recording = page.moment.recording
+    truth = recording.ground_truth
+    told = [
+        ("Events", f"{recording.num_events:,}"),
+        ("Length", f"{recording.span.duration / 1e6:.3f} s"),
+        ("Sensor", f"{recording.sensor} pixels"),
+        ("Camera frames", f"{len(truth):,}" if truth else "none"),
+        ("Format", recording.format),
+        ("Windows", f"{len(page.moment.windows):,}"),
+    ]
+    rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
+    remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
+    noticed = f"<h3>Noticed on opening</h3><ul>{remarks}</ul>" if remarks else ""
+    return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}{writing}</div>'
+
+
+def _writing(names: tuple[str, ...]) -> str:
+    """Why a file that is being recorded is not in the list yet."""
+    if not names:
+        return ""
+    listed = escape(", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else ""))
+    return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
+
+
+def _written(page: Page) -> str:
+    """What is left to say above the doctor's page, which says the rest."""
+    writing = _writing(page.growing)
+    return f'<div class="et">{writing}</div>' if writing else ""
+
+
+def _is_examined(page: Page) -> bool:
+    result = _examination(page)
+    return page.state.source.examines and result is not None and result.is_whole
+
+
+def _examination(page: Page) -> JobResult | None:
+    """What is known of the recording on show, and not of the one before it."""
+    result, moment = page.results.get(SLOT), page.moment
+    if result is None or moment is None or result.job.request.recording_id != moment.recording_id:
+        return None
+    return result
+
+
+def _cut(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    return excerpt_html(page.moment, page.state.source, page.results.get(CUT), on_pick=ON_PICK)
+
+
+def _doctor(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    if not page.state.source.examines:
+        return closed_html(ON_PICK)
+    return doctor_html(page.moment, _examination(page), on_pick=ON_PICK)

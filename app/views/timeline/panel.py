@@ -1,0 +1,84 @@
+"""The timeline and what moves along it: one strip, one slider that lies over it, five buttons, speed, typed time."""
+
+from __future__ import annotations
+
+import viser
+
+from app.html.style import STYLE
+from app.state import intents as ask
+from app.views.compare.html.scores import curves_over
+from app.views.compare.panel import lane_series
+from app.views.timeline.html import now_html, timeline_html, timeline_key_html
+from app.views.view import Dispatch, Html, Page, assign, on_press, on_visitor
+
+_WAITING = '<div class="etv-strip"></div>'
+EVERY_FRAME = "every image"
+SPEEDS: dict[str, ask.ChooseSpeed] = {
+    EVERY_FRAME: ask.ChooseSpeed(0.1, waits_for_frames=True),
+    "real time": ask.ChooseSpeed(1.0),
+    "1/2 of real time": ask.ChooseSpeed(0.5),
+    "1/4 of real time": ask.ChooseSpeed(0.25),
+    "1/10 of real time": ask.ChooseSpeed(0.1),
+    "1/20 of real time": ask.ChooseSpeed(0.05),
+    "1/50 of real time": ask.ChooseSpeed(0.02),
+}
+
+
+class TimelinePanel:
+    """The strip at the foot of the page."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """In the order in which `static/page/theme.css` puts them on a grid."""
+        Html(gui, STYLE)
+        self._now = Html(gui)
+        self._strip = Html(gui, _WAITING)
+        self._slider = gui.add_slider("Window", 0, 1, 1, 0)
+        buttons = (
+            ("First window", viser.Icon.PLAYER_SKIP_BACK, ask.Seek(0)),
+            ("One window back", viser.Icon.PLAYER_TRACK_PREV, ask.Move(-1)),
+            ("Play", viser.Icon.PLAYER_PLAY, ask.TogglePlay()),
+            ("One window on", viser.Icon.PLAYER_TRACK_NEXT, ask.Move(1)),
+            ("Last window", viser.Icon.PLAYER_SKIP_FORWARD, ask.Seek(10**9)),
+        )
+        made = [gui.add_button(label, icon=icon) for label, icon, _ in buttons]
+        for button, (_, _, intent) in zip(made, buttons, strict=True):
+            on_press(button, intent, dispatch)
+        self._play = made[2]
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1/10 of real time")
+        self._loop = gui.add_checkbox("Loop", True)
+        self._time = gui.add_number("Time (s)", 0.0, min=0.0, step=0.001)
+        on_visitor(self._slider, lambda value: ask.Seek(int(value)), dispatch)
+        on_visitor(self._speed, SPEEDS.get, dispatch)
+        on_visitor(self._loop, lambda value: ask.SetLoop(bool(value)), dispatch)
+        on_visitor(self._time, lambda value: ask.SeekTime(float(value)), dispatch)
+        self._is_playing = False
+
+    def show(self, page: Page) -> None:
+        """Move the head, redraw what is cached, and set the widgets to what is so."""
+        state = page.state
+        assign(self._speed, _speed_words(state.speed, state.waits_for_frames))
+        assign(self._loop, state.loops)
+        if state.is_playing != self._is_playing:
+            self._is_playing = state.is_playing
+            self._play.label = "Pause" if state.is_playing else "Play"
+            self._play.icon = viser.Icon.PLAYER_PAUSE if state.is_playing else viser.Icon.PLAYER_PLAY
+        if page.moment is None:
+            self._now.show("")
+            self._strip.show(_WAITING)
+            return
+        last = max(len(page.moment.windows) - 1, 1)
+        if self._slider.max != last:
+            # viser leaves a value beyond a smaller maximum where it is: bring it inside first.
+            self._slider.value = min(self._slider.value, last)
+            self._slider.max = last
+        assign(self._slider, state.index)
+        assign(self._time, round(max(page.moment.seconds[1], 0.0), 3))
+        self._now.show(f'<div class="etv-now">{now_html(page.moment)}{timeline_key_html(page.moment)}</div>')
+        over = curves_over(page.moment, lane_series(page), state.compare.measure)
+        self._strip.show(f'<div class="etv-strip">{timeline_html(page.moment, page.cached, over=over)}</div>')
+
+
+def _speed_words(speed: float, waits_for_frames: bool) -> str:
+    if waits_for_frames:
+        return EVERY_FRAME
+    return min(SPEEDS, key=lambda words: abs(SPEEDS[words].speed - speed) + 10 * SPEEDS[words].waits_for_frames)

@@ -1,0 +1,74 @@
+"""What the network is given: the window cut into five time bins, as tiles."""
+
+from __future__ import annotations
+
+from app.html.elements import empty, escape, legend, panel, picture
+from app.html.moment import NUM_BINS, PICTURES, Moment
+from app.html.units import short
+from etnet.render.colours import css_gradient, diverging
+from etnet.render.encode import data_url
+from etnet.render.voxels import voxel_limit, voxel_tiles
+from etnet.voxel import MIN_EVENTS
+
+TILE_WIDTH = 120
+"""Pixels of a small tile: sharp at 76 px on a screen of double density."""
+
+
+def voxel_html(moment: Moment, opened: int | None = None, *, on_pick: str = "") -> str:
+    """Five bins in a row, or one of them large. Clicks send `bin:0` … `bin:4`, or `bin:` to go back."""
+    opened = None if opened is None else min(max(opened, 0), NUM_BINS - 1)
+    return PICTURES.text(("voxel", moment.key, opened, on_pick), lambda: _voxel_html(moment, opened, on_pick))
+
+
+def bin_words(index: int) -> str:
+    """Around which part of the window's time a bin gathers: a bin's votes peak at index / (bins − 1)."""
+    half = 50 / (NUM_BINS - 1)
+    middle = 100 * index / (NUM_BINS - 1)
+    return f"{max(middle - half, 0):.0f}–{min(middle + half, 100):.0f} %"
+
+
+def _voxel_html(moment: Moment, opened: int | None, on_pick: str) -> str:
+    if moment.window.num_events < MIN_EVENTS:
+        return panel(
+            "voxels",
+            empty("An empty grid", f"This window holds fewer than {MIN_EVENTS} events; the network is given zeros."),
+        )
+    limit = voxel_limit(moment.voxel)
+    small, _ = voxel_tiles(moment.voxel, TILE_WIDTH, limit)
+    tiles: list[str] = []
+    for index, tile in enumerate(small):
+        image = picture(
+            data_url(tile, is_lossless=True),
+            f"time bin {index}",
+            key=f"bin:{index}",
+            on_pick=on_pick,
+            size=(tile.shape[1], tile.shape[0]),
+        )
+        chosen = " et-chosen" if index == opened else ""
+        tiles.append(f'<div class="et-thumb{chosen}">{image}<span class="et-label">{bin_words(index)}</span></div>')
+    row = f'<div class="et-row" style="grid-template-columns:repeat({NUM_BINS},minmax(0,1fr))">{"".join(tiles)}</div>'
+    scale = legend(
+        "signed votes: darker … brighter",
+        css_gradient(diverging()),
+        [(0.0, f"≤ −{short(limit)}"), (0.5, "0"), (1.0, f"≥ +{short(limit)}")],
+    )
+    parts = [row]
+    if opened is not None:
+        parts.append(_large(moment, opened, limit, on_pick))
+    elif on_pick:
+        parts.append('<div class="et-note">share of the window’s time · click a tile to enlarge it</div>')
+    return panel("voxels", *parts, scale)
+
+
+def _large(moment: Moment, opened: int, limit: float, on_pick: str) -> str:
+    tile, _ = voxel_tiles(moment.voxel[opened : opened + 1], moment.recording.sensor.width, limit)
+    image = picture(
+        data_url(tile[0], is_lossless=True),
+        f"time bin {opened}, large",
+        key="bin:",
+        on_pick=on_pick,
+        size=(tile.shape[2], tile.shape[1]),
+    )
+    back = " · click to close" if on_pick else ""
+    caption = escape(f"around {bin_words(opened)} of the window{back}")
+    return f'{image}<div class="et-caption"><span>{caption}</span></div>'

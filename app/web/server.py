@@ -1,0 +1,163 @@
+"""The guarded viser server: where it listens, how its page looks, and one session for each visitor."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from io import StringIO
+from typing import Protocol
+from urllib.parse import urlsplit
+
+import viser
+from viser.theme import TitlebarImage
+
+from app.html.assets import page_folder
+from app.web.access import LOOPBACK, AccessControl, Handler, guarding
+from app.web.idle_memory import IdleMemory, share_arenas
+from app.web.index_page import IndexPage
+from etnet.errors import EtnetError
+
+BRAND = (255, 140, 66)
+"""The hue of ON events."""
+PORTS_TRIED = 50
+CROWDED = "This page takes a limited number of visitors at once. Please load it again in a minute."
+
+
+class AddressError(EtnetError):
+    """The viewer cannot listen where it was told to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where to listen, the token visitors need, and the public URL's host if a proxy stands in front."""
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    token: str | None = None
+    public_url: str | None = None
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine can reach it."""
+        return self.host in LOOPBACK or self.host == "::1"
+
+
+class VisitorSession(Protocol):
+    """What the server needs of a session."""
+
+    def close(self) -> None:
+        """The visitor has gone."""
+        ...
+
+
+def free_port(host: str, port: int) -> int:
+    """`port`, or the next one that is free."""
+    for candidate in range(port, min(port + PORTS_TRIED, 65_536)):
+        try:
+            _bind_once(host, candidate)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise AddressError(
+                    f"cannot listen on {host}:{candidate} ({error.strerror}); try --host 127.0.0.1"
+                ) from error
+        else:
+            return candidate
+    raise AddressError(f"no free port from {port} to {port + PORTS_TRIED - 1} on {host}; name one with --port")
+
+
+def start_server(
+    address: Address,
+    port: int,
+    visit: Callable[[viser.ClientHandle], VisitorSession],
+    most_visitors: int | None = None,
+    doors: Mapping[str, Handler] | None = None,
+) -> viser.ViserServer:
+    """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when he leaves.
+
+    Whoever comes when `most_visitors` are here already is told so, and gets no session. `doors` are
+    websockets beside viser's, by their path.
+    """
+    public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()
+    guard = AccessControl(
+        page_folder(),
+        address.token,
+        LOOPBACK | {_bracketed(address.host)},
+        public,
+        f"ok, viser {viser.__version__}\n",
+        IndexPage(address.public_url).dressed,
+        doors or {},
+    )
+    share_arenas()
+    # viser prints a frame with addresses of its own; this program says where to look in one line.
+    with guarding(guard), redirect_stdout(StringIO()):
+        server = viser.ViserServer(host=address.host, port=port, label="Look inside", verbose=False)
+    # Any page in the browser may ask viser to publish itself through a tunnel on a foreign server: never here.
+    server.request_share_url = lambda verbose=True: None
+    _dress(server)
+    _welcome(server, visit, most_visitors)
+    return server
+
+
+def _dress(server: viser.ViserServer) -> None:
+    logo = "/static/logo.svg"
+    image = TitlebarImage(image_url_light=logo, image_url_dark=logo, image_alt="ET-Net: events to video", href=None)
+    server.gui.configure_theme(
+        dark_mode=True,
+        show_logo=False,
+        show_share_button=False,
+        brand_color=BRAND,
+        titlebar_content={"buttons": None, "image": image},
+    )
+    server.scene.configure_default_lights(enabled=False)
+    # x right, y down as on the sensor. It must stand before the first visitor's camera is placed.
+    server.scene.set_up_direction("-y")
+    server.initial_camera.up = (0.0, -1.0, 0.0)
+
+
+def _welcome(
+    server: viser.ViserServer, visit: Callable[[viser.ClientHandle], VisitorSession], most_visitors: int | None
+) -> None:
+    visits: dict[int, VisitorSession] = {}
+    upkeep = IdleMemory()
+
+    @server.on_client_connect
+    async def _(client: viser.ClientHandle) -> None:
+        if most_visitors is not None and len(server.get_clients()) > most_visitors:
+            client.gui.add_markdown(f"### Many are looking already\n\n{CROWDED}")
+            return
+        # A session is built in a worker: laying out a page would hold up every other visitor's clicks.
+        built = await asyncio.to_thread(visit, client)
+        if client.client_id in server.get_clients():
+            visits[client.client_id] = built
+        else:
+            built.close()
+
+    @server.on_client_disconnect
+    async def _(client: viser.ClientHandle) -> None:
+        if (gone := visits.pop(client.client_id, None)) is not None:
+            gone.close()
+        upkeep.after_visit()
+
+
+def _bind_once(host: str, port: int) -> None:
+    family, kind, protocol, _, bound = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    with socket.socket(family, kind, protocol) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(bound)
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host and not host.startswith("[") else host
+
+
+def installed_version() -> str:
+    """This project's version, or "a checkout"."""
+    try:
+        return version("etnet")
+    except PackageNotFoundError:
+        return "a checkout"
