@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float32
 
-from app.state.intents import Precision
 from etnet.events.denoise import UNCLEANED, Cleaning
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
@@ -17,6 +16,8 @@ from etnet.windows import Policy
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
     from etnet.nets.runtime import Contract
+
+Precision = Literal["auto", "fp32", "bf16"]
 
 
 @dataclass(frozen=True, slots=True)

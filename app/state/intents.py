@@ -1,22 +1,38 @@
-"""What a person can ask of the viewer. An intent is a value; `view_state.reduce` says what it means."""
+"""What a person can ask of the page as a whole. An intent is a value; reducers say what it means.
+
+What a person can ask of one view stands in that view's `state.py`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Protocol
 
-from app.views.compare.state import CompareIntent
-from app.views.demo.state import DemoIntent
-from app.views.inspect.state import InspectIntent
-from app.views.recording.state import RecordingIntent
+from app.engine.requests import Precision
+from app.state.view_state import Workspace
 from etnet.windows import Policy
 
-Workspace = Literal["inspect", "attention", "demo"]
-Precision = Literal["auto", "fp32", "bf16"]
-EventImage = Literal["polarity", "count", "time surface", "decay"]
-Tone = Literal["auto", "raw", "robust", "gamma", "hdr", "clahe"]
-Camera = Literal["orbit", "front", "side"]
-MapRange = Literal["shared", "per map"]
+
+class Intent(Protocol):
+    """Any frozen value. One that says `pauses` also stops the player."""
+
+    @property
+    def __dataclass_fields__(self) -> dict[str, object]:
+        """Intents are dataclasses."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Set:
+    """Set one plain field of a view's slice; a value that does not fit changes nothing.
+
+    `value` is what the field takes, or, with `is_word`, the word of it that our own HTML sends.
+    """
+
+    view: str
+    field: str
+    value: object
+    is_word: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,35 +44,35 @@ class OpenRecording:
 
 @dataclass(frozen=True, slots=True)
 class ReopenRecording:
-    """Show the same scene as another sensor sees it, by its id; the moment on show stays where it is in time."""
+    """Show the same recording opened in another way, by its id; the current moment stays where it is in time."""
 
     recording_id: str
 
 
 @dataclass(frozen=True, slots=True)
 class ChooseModel:
-    """Reconstruct with another model, by its catalogue id."""
+    """Reconstruct with another network, by its catalogue id."""
 
     model_id: str
 
 
 @dataclass(frozen=True, slots=True)
 class ChoosePrecision:
-    """Run the model in this precision; "auto" takes the faster one."""
+    """Run the network in this precision; "auto" takes the faster one of those that agree."""
 
     precision: Precision
 
 
 @dataclass(frozen=True, slots=True)
 class ChoosePolicy:
-    """Cut the events into other windows; the moment on show stays where it is in time. `None` suits the recording."""
+    """Cut the events into other windows; the moment stays where it is in time. `None` takes what suits."""
 
     policy: Policy | None
 
 
 @dataclass(frozen=True, slots=True)
 class RenameRecording:
-    """What is open of the recording on show is known by another id than before: a part of it, or all at last."""
+    """The open recording has another id than before: that of a part of it, or of all of it at last."""
 
     recording_id: str
 
@@ -77,14 +93,14 @@ class Seek:
 
 @dataclass(frozen=True, slots=True)
 class SeekTime:
-    """Go to the window that is on show `seconds` after the recording's first event, and stop playing."""
+    """Go to the window that is current `seconds` after the recording's first event, and stop playing."""
 
     seconds: float
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """Go some windows on (or back, when negative) and stop playing."""
+    """Go some windows forward (or back, when negative) and stop playing."""
 
     num_windows: int
 
@@ -124,8 +140,15 @@ class ShowWorkspace:
 
 
 @dataclass(frozen=True, slots=True)
+class OpenTab:
+    """Open the settings of one view in the inspector column, by the view's name."""
+
+    tab: str
+
+
+@dataclass(frozen=True, slots=True)
 class Query:
-    """Ask where the network looks from pixel (x, y) of the sensor; clamped to it."""
+    """Choose the pixel (x, y) of the sensor that views are about; clamped to it."""
 
     x: int
     y: int
@@ -140,103 +163,7 @@ class QueryFraction:
 
 
 @dataclass(frozen=True, slots=True)
-class OpenSite:
-    """Show this attention site ("scale1.encoder.0.self") large, with its heads beside each other."""
+class FormChanged:
+    """A form that its own widgets keep has changed; the page is drawn again around it."""
 
-    site: str
-
-
-@dataclass(frozen=True, slots=True)
-class ChooseHead:
-    """Show one head, or the mean of all (`None`)."""
-
-    head: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class CloseSite:
-    """Show all attention sites again."""
-
-
-@dataclass(frozen=True, slots=True)
-class ChooseEventImage:
-    """Draw the window's events in another way."""
-
-    event_image: EventImage
-
-
-@dataclass(frozen=True, slots=True)
-class ChooseTone:
-    """Map the network's raw output to grey values in another way."""
-
-    tone: Tone
-
-
-@dataclass(frozen=True, slots=True)
-class SetOverlay:
-    """How strongly attention covers the frame below it, 0 … 1."""
-
-    opacity: float
-
-
-@dataclass(frozen=True, slots=True)
-class ChooseMapRange:
-    """One colour range for all maps, or one for each."""
-
-    map_range: MapRange
-
-
-@dataclass(frozen=True, slots=True)
-class ChooseCamera:
-    """Look at the scene from a preset. Asking for the same one again puts the camera back."""
-
-    camera: Camera
-
-
-@dataclass(frozen=True, slots=True)
-class ShowEvents:
-    """Whether the event cloud is drawn in the scene."""
-
-    is_shown: bool
-
-
-@dataclass(frozen=True, slots=True)
-class OpenBin:
-    """Enlarge one voxel bin; `None` shows all again."""
-
-    voxel_bin: int | None
-
-
-Intent = (
-    OpenRecording
-    | ReopenRecording
-    | ChooseModel
-    | ChoosePrecision
-    | ChoosePolicy
-    | RenameRecording
-    | Settle
-    | Seek
-    | SeekTime
-    | Move
-    | TogglePlay
-    | PlayTo
-    | ChooseSpeed
-    | SetLoop
-    | ShowWorkspace
-    | Query
-    | QueryFraction
-    | OpenSite
-    | CloseSite
-    | ChooseHead
-    | ChooseEventImage
-    | ChooseTone
-    | SetOverlay
-    | ChooseMapRange
-    | ChooseCamera
-    | ShowEvents
-    | OpenBin
-    | InspectIntent
-    | CompareIntent
-    | DemoIntent
-    | RecordingIntent
-)
+    pauses: ClassVar[bool] = False

@@ -1,156 +1,100 @@
-"""What every panel is: widgets that turn into intents, and pictures drawn from one value."""
+"""The contract of a view: one part of the page. Session, link, stored view, layout and engine know nothing else of it."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
-import viser
+from app.engine.jobs import Job
+from app.engine.requests import FrameRequest
+from app.state.view_state import Limits, Slice, ViewState, Workspace
+from etnet.windows import Window
 
-from app.catalogue.videos import VideoShown
-from app.catalogue.visitor_uploads import UploadsShown
-from app.engine.jobs import JobResult
-from app.engine.requests import Failed, Ready, Working
-from app.html.moment import Moment
-from app.html.pictures import Tones
-from app.html.provenance import ModelFacts
-from app.state.intents import Intent
-from app.state.view_state import ViewState
-from app.views.attention.html.maps import AttentionLook
-from app.views.compare.html.lane import LaneShown
-from app.views.export.command import Run
-from app.views.timeline.html import Cached
-from etnet.errors import EtnetError
+if TYPE_CHECKING:
+    from app.state.lane import Lane
+    from app.views.panel import Panel
 
-Dispatch = Callable[[Intent], None]
+EVERYWHERE: frozenset[Workspace] = frozenset({"inspect", "attention", "compare", "recording", "demo"})
+EXPERT: frozenset[Workspace] = EVERYWHERE - {"demo"}
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
-    """One entry of a list that a visitor chooses from: its id in the catalogue, and what he reads."""
-
-    id: str
-    title: str
-    subtitle: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Page:
-    """Everything that one visitor's page is drawn from. `ready` may belong to another window than the one on show."""
+class Here:
+    """The page before an intent, and what its recording allows."""
 
     state: ViewState
-    moment: Moment | None = None
-    ready: Ready | None = None
-    working: Working | None = None
-    failed: Failed | None = None
-    cached: Cached | None = None
-    tones: Tones = field(default_factory=Tones)
-    look: AttentionLook | None = None
-    """`None` before a pixel was chosen."""
-    model: ModelFacts = field(default_factory=lambda: ModelFacts("no network"))
-    step_milliseconds: float | None = None
-    is_moving: bool = False
-    """A finger drags or the recording plays: what is drawn now is soon replaced."""
-    recordings: tuple[Choice, ...] = ()
-    models: tuple[Choice, ...] = ()
-    trouble: str = ""
-    """Why there is no moment, in plain words."""
-    growing: tuple[str, ...] = ()
-    """Names of recordings that are being written, and will be offered."""
-    results: Mapping[str, JobResult] = field(default_factory=dict)
-    """What is known of the jobs that this view wants, by slot."""
-    lanes: tuple[LaneShown, ...] = ()
-    """What is compared at this moment, the main lane first; empty while nothing is."""
-    link: str = ""
-    """The moment on show as a value for an address; empty while it moves."""
-    desk: UploadsShown | None = None
-    """The files that this visitor handed over; `None` where nothing is taken."""
-    film: VideoShown | None = None
-    """How far the video on show is simulated; `None` for what is no video."""
-    run: Run | None = None
-    """How the command line is told of what is on show; `None` for what it cannot open."""
-    can_be_stated: bool = False
-    """Whether the visitor may say of this recording what its file does not."""
+    limits: Limits
 
     @property
-    def missed(self) -> int | None:
-        """The window whose image the one on show lags behind; `None` where each is waited for: it plays one behind."""
-        return None if self.state.is_playing and self.state.waits_for_frames else self.state.index
-
-    @property
-    def lags(self) -> bool:
-        """Whether the image on show belongs to another window than the one that is missed."""
-        return self.ready is not None and self.missed not in (None, self.ready.request.index)
+    def window(self) -> Window | None:
+        """The current window, as far as any is known."""
+        return self.limits.window(self.state.index)
 
 
-class Panel(Protocol):
-    """A part of the page."""
+class Reducer(Protocol):
+    """Pure: the slice after an intent, which may be another view's or the page's."""
 
-    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """Lay out the widgets, once."""
-        ...
-
-    def show(self, page: Page) -> None:
-        """Draw what has changed. Called from the visitor's own thread."""
+    def __call__(self, slice_: Any, intent: Any, here: Here) -> Any:
+        """The same slice where the intent says nothing to it."""
         ...
 
 
-class Html:
-    """One HTML element; it is sent only when it differs from what the page already has."""
-
-    def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
-        self._handle = gui.add_html(content)
-        self._content = content
-
-    def show(self, content: str) -> None:
-        """Replace the content in place."""
-        if content != self._content:
-            self._content = content
-            self._handle.content = content
-
-    def set_visible(self, is_visible: bool) -> None:
-        """Show or hide the element."""
-        if self._handle.visible != is_visible:
-            self._handle.visible = is_visible
+def _unchanged(slice_: Any, intent: Any, here: Here) -> Any:
+    return slice_
 
 
-def on_visitor(handle: Any, act: Callable[[Any], Intent | None], dispatch: Dispatch) -> None:
-    """PendingRequest a visitor's use of a widget into an intent; what the server itself assigns is no request of his.
-
-    `act` gets the widget's value. It runs on viser's event loop and must only make a value.
-    """
-
-    async def heard(event: viser.GuiEvent[Any]) -> None:
-        if event.client is None:
-            return
-        try:
-            intent = act(event.target.value)
-        except (TypeError, ValueError, LookupError, OverflowError, EtnetError):
-            return  # no widget of ours sends such a value
-        if intent is not None:
-            dispatch(intent)
-
-    handle.on_update(heard)
+def _nothing_heard(words: str) -> Any:
+    return None
 
 
-def on_press(button: viser.GuiButtonHandle, intent: Intent, dispatch: Dispatch) -> None:
-    """PendingRequest a visitor's click into an intent."""
-
-    async def pressed(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-        if event.client is not None:
-            dispatch(intent)
-
-    button.on_click(pressed)
+def _no_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
+    return {}
 
 
-def assign(handle: Any, value: object) -> None:
-    """Let a widget show a value, unless it does, or the visitor's hand was on it a moment ago."""
-    if handle.value != value and seconds_since_touched(handle) > 0.4:
-        handle.value = value
+def _no_lanes(state: ViewState) -> tuple[Lane, ...] | None:
+    return None
 
 
-def seconds_since_touched(handle: Any) -> float:
-    """Seconds since the widget's value last changed, by whomever."""
-    return time.time() - float(handle.update_timestamp)
+def _as_asked(slice_: Any, request: FrameRequest) -> FrameRequest:
+    return request
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One part of the page. `name` is its folder, its slice, its key in links and stored views and its CSS prefix."""
+
+    name: str
+    title: str
+    icon: str
+    """A name of viser's icons."""
+    initial: Slice
+    make_panel: Callable[[], Panel]
+    """Imports viser: called when a page is laid out."""
+    workspaces: frozenset[Workspace] = EXPERT
+    """Where it can be seen."""
+    is_tab: bool = False
+    """Whether it stands in the inspector column, open or closed; otherwise it is always open in its workspaces."""
+    is_public: bool = False
+    """Whether it is part of a page in public, where a visitor may change it."""
+    reduce: Reducer = _unchanged
+    hear: Callable[[str], Any] = _nothing_heard
+    """A click on HTML of its own, `data-k="name:words"` → an intent; `None` for words that it does not use."""
+    jobs: Callable[[ViewState, FrameRequest], Mapping[str, Job]] = _no_jobs
+    """What it wants computed, by slot; asked only while the view is open."""
+    change_request: Callable[[Any, FrameRequest], FrameRequest] = _as_asked
+    """What it changes in every request for a frame: an intervention, a filter."""
+    lanes: Callable[[ViewState], tuple[Lane, ...] | None] = _no_lanes
+    """The runs that it shows beside the main one; `None` while it compares nothing."""
+
+    def of(self, state: ViewState) -> Any:
+        """Its slice of a page's state."""
+        return state.of(type(self.initial))
+
+
+def open_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
+    """The views that a visitor can see: all cards of the workspace, and one tab of the inspector column."""
+    here = [view for view in views if state.workspace in view.workspaces and (view.is_public or not state.is_public)]
+    tabs = [view for view in here if view.is_tab]
+    tab = next((view for view in tabs if view.name == state.tab), tabs[0] if tabs else None)
+    return tuple(view for view in here if not view.is_tab or view is tab)

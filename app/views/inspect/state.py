@@ -1,26 +1,26 @@
-"""What a visitor looks into and what he has changed there: a part of his view, its intents, its text."""
+"""What a visitor inspects and has changed: a slice of the page, its intents, and what its own buttons say."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Literal, cast, get_args
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, cast
 
+from app.engine.requests import FrameRequest
+from app.state import intents as ask
+from app.state.checks import passing, text, whole
+from app.views.attention.state import MOST_HEADS, SITE_PATTERN
+from app.views.view import Here
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 
 Inspector = Literal["none", "matters", "change", "events", "input", "state", "memory", "rollout", "time"]
-Gather = Literal["mean", "max", "min"]
-Order = Literal["network", "entropy", "distance"]
-Direction = Literal["reads", "read by"]
 Plane = Literal["hidden", "cell", "enter", "forget", "out", "candidate"]
-Pin = Literal["a", "b"]
 
-SITE_PATTERN = re.compile(r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)")
 LEVELS, SCALES, SKIPS = range(1, 4), range(4), range(4)
-MOST_HEADS, MOST_CHANNELS, MOST_BACK = 64, 1024, 8
+MOST_CHANNELS, MOST_BACK = 1024, 8
 JITTERS = (1_000, 5_000, 20_000)
 """Farthest moves in time that are offered, µs."""
 
@@ -61,52 +61,21 @@ NO_CHANGE = Change()
 
 
 @dataclass(frozen=True, slots=True)
-class PinnedMap:
-    """A map that stays to be compared: its site, its head (`None`: gathered over heads) and its query pixel."""
-
-    site: str
-    head: int | None
-    gather: Gather
-    query: tuple[int, int]
-
-
-@dataclass(frozen=True, slots=True)
 class InspectState:
-    """One visitor's look inside. What was changed and pinned does not outlive his visit."""
+    """One visitor's inspection. What was changed does not outlive the visit."""
 
+    view: ClassVar[str] = "inspect"
     opened: Inspector = "none"
-    part: str = ""
-    """The part whose absence is shown large; empty takes the first."""
-    change: Change = NO_CHANGE
-    gather: Gather = "mean"
-    order: Order = "network"
-    direction: Direction = "reads"
-    is_linear: bool = False
-    is_smooth: bool = False
-    shows_links: bool = False
-    """Whether the strongest looks of the query are drawn in the scene."""
-    shows_planes: bool = False
-    """Whether the chosen layer's maps of all scales stand behind the frame, instead of the events."""
-    pin_a: PinnedMap | None = None
-    pin_b: PinnedMap | None = None
-    num_back: int = 2
-    level: int = 1
+    part: str = text("", longest=60)
+    """The part whose ablation is shown large; empty takes the first."""
+    change: Change = passing(NO_CHANGE)
+    num_back: int = whole(2, 0, MOST_BACK)
+    level: int = whole(1, 1, 3)
     plane: Plane = "hidden"
-    channel: int = 0
+    channel: int = whole(0, 0, MOST_CHANNELS)
     """Counted from the channel of most energy."""
-    discard: int = 0
+    discard: int = whole(0, 0, 95)
     """Per cent of the smallest weights that a rollout leaves out."""
-
-    def anew(self) -> InspectState:
-        """Another network or recording: nothing is changed, nothing pinned."""
-        return replace(self, change=NO_CHANGE, pin_a=None, pin_b=None)
-
-
-@dataclass(frozen=True, slots=True)
-class OpenInspector:
-    """Open one inspector; "none" closes them all."""
-
-    inspector: Inspector
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +96,7 @@ class EditEvents:
 
 @dataclass(frozen=True, slots=True)
 class Persist:
-    """Let the change hold from the window on show on, or in each window for itself."""
+    """Let the change hold from the current window on, or in each window for itself."""
 
     is_carried: bool
 
@@ -137,48 +106,30 @@ class ResetAll:
     """Undo every change."""
 
 
-@dataclass(frozen=True, slots=True)
-class PinMap:
-    """Keep a map as A or B; `None` lets go."""
-
-    slot: Pin
-    pinned: PinnedMap | None
-
-
-@dataclass(frozen=True, slots=True)
-class Choose:
-    """Set one plain field of the view, by its name: a word of its list, a flag or a whole number in range."""
-
-    name: str
-    value: str
-
-
-InspectIntent = OpenInspector | Switch | EditEvents | Persist | ResetAll | PinMap | Choose
-
-
-def reduce_inspect(view: InspectState, intent: InspectIntent, index: int) -> InspectState:
-    """The view after an intent that came while window `index` was on show; what makes no sense changes nothing."""
-    change = view.change
+def reduce_inspect(slice_: InspectState, intent: Any, here: Here) -> InspectState:
+    """Another network, recording or plan of windows begins unchanged; what makes no sense changes nothing."""
+    change = slice_.change
     match intent:
-        case OpenInspector(inspector):
-            return replace(view, opened=inspector) if inspector in get_args(Inspector) else view
         case Switch(part):
             intervention = switched(change.intervention, part)
-            return replace(view, change=replace(change, intervention=intervention))
+            return replace(slice_, change=replace(change, intervention=intervention))
         case EditEvents(name, value):
-            return replace(view, change=replace(change, edit=_edited(change.edit, name, value)))
+            return replace(slice_, change=replace(change, edit=_edited(change.edit, name, value)))
         case Persist(is_carried):
-            return replace(view, change=replace(change, since=index if is_carried else None))
+            return replace(slice_, change=replace(change, since=here.state.index if is_carried else None))
         case ResetAll():
-            return replace(view, change=NO_CHANGE)
-        case PinMap(slot, pinned):
-            return replace(view, pin_a=pinned) if slot == "a" else replace(view, pin_b=pinned)
-        case Choose(name, value):
-            check = _CHOSEN.get(name)
-            try:
-                return view if check is None else replace(view, **{name: check(value)})
-            except ValueError:
-                return view
+            return replace(slice_, change=NO_CHANGE)
+        case ask.OpenRecording() | ask.ReopenRecording() | ask.ChooseModel() | ask.ChoosePolicy():
+            return slice_ if change == NO_CHANGE else replace(slice_, change=NO_CHANGE)
+    return slice_
+
+
+def changed_request(slice_: InspectState, request: FrameRequest) -> FrameRequest:
+    """The request for a frame with what is done to the network and its events on purpose."""
+    change = slice_.change.at(request.index)
+    if change.is_nothing:
+        return request
+    return replace(request, intervention=change.intervention, edit=change.edit, since=change.since)
 
 
 def switched(intervention: Intervention, part: str) -> Intervention:
@@ -199,12 +150,10 @@ def is_switched(intervention: Intervention, part: str) -> bool:
     return present if member is None else member in present
 
 
-def heard(text: str) -> InspectIntent | None:
-    """What a click on one of our own buttons says, "verb:argument"; `None` for what none of them sends."""
-    verb, _, rest = text.partition(":")
+def hear(words: str) -> Any:
+    """What a click on one of the view's own buttons says, "verb:argument"; `None` for what none of them sends."""
+    verb, _, rest = words.partition(":")
     match verb:
-        case "open" if rest in get_args(Inspector):
-            return OpenInspector(cast("Inspector", rest))
         case "switch":
             return Switch(rest)
         case "edit":
@@ -212,44 +161,9 @@ def heard(text: str) -> InspectIntent | None:
             return EditEvents(cast("Literal['drop']", name), float(value))
         case "carry":
             return Persist(rest == "on")
-        case "back":
+        case "reset":
             return ResetAll()
-        case "set":
-            return Choose(*rest.partition(":")[::2])
-        case "unpin" if rest in get_args(Pin):
-            return PinMap(cast("Pin", rest), None)
-        case "pin":
-            slot, _, pinned = rest.partition(":")
-            found = _pinned(pinned)
-            return PinMap(cast("Pin", slot), found) if slot in get_args(Pin) and found is not None else None
     return None
-
-
-def pin_text(pinned: PinnedMap) -> str:
-    """A pin as a button says it."""
-    head = pinned.gather if pinned.head is None else str(pinned.head)
-    return f"{pinned.site},{head},{pinned.query[0]},{pinned.query[1]}"
-
-
-def _pinned(text: str) -> PinnedMap | None:
-    site, head, x, y = text.split(",") if text.count(",") == 3 else ("", "", "", "")
-    if not SITE_PATTERN.fullmatch(site) or not all(part.isdecimal() for part in (x, y)):
-        return None
-    if head in get_args(Gather):
-        return PinnedMap(site, None, cast("Gather", head), (int(x), int(y)))
-    return PinnedMap(site, min(int(head), MOST_HEADS - 1), "mean", (int(x), int(y))) if head.isdecimal() else None
-
-
-def kept(view: InspectState) -> dict[str, object]:
-    """What of a view a browser keeps: how it looks, not what it changed or pinned."""
-    return {name: getattr(view, name) for name in _CHOSEN if getattr(view, name) != getattr(InspectState(), name)}
-
-
-def restored(stored: object) -> InspectState:
-    """A kept view, every value checked: it is a stranger's word. Raises ValueError."""
-    if not isinstance(stored, dict):
-        raise ValueError("not a view of the inside")
-    return replace(InspectState(), **{str(name): _CHOSEN[name](str(value)) for name, value in stored.items()})
 
 
 def _place(part: str) -> tuple[str | None, object]:
@@ -270,7 +184,7 @@ def _number_of(rest: list[str], allowed: range) -> int | None:
 
 
 def _site_of(rest: list[str]) -> str | None:
-    return rest[0] if len(rest) == 1 and SITE_PATTERN.fullmatch(rest[0]) else None
+    return rest[0] if len(rest) == 1 and re.fullmatch(SITE_PATTERN, rest[0]) else None
 
 
 def _head_of(rest: list[str]) -> tuple[str, int] | None:
@@ -296,47 +210,3 @@ def _edited(edit: EventEdit, name: str, value: float) -> EventEdit:
     if name == "jitter_by":
         return replace(edit, jitter_by=min(max(int(value), 1), 1_000_000))
     return replace(edit, **{name: min(max(value, 0.0), 1.0)}) if name in ("drop", "invert", "jitter") else edit
-
-
-def _word(alias: object) -> Callable[[str], str]:
-    def check(text: str) -> str:
-        if text not in get_args(alias):
-            raise ValueError(f"{text!r} is not one of {get_args(alias)}")
-        return text
-
-    return check
-
-
-def _whole(least: int, most: int) -> Callable[[str], int]:
-    return lambda text: min(max(int(text), least), most)
-
-
-def _flag(text: str) -> bool:
-    if text not in ("True", "False"):
-        raise ValueError(f"{text!r} is neither True nor False")
-    return text == "True"
-
-
-def _short(text: str) -> str:
-    if len(text) > 60:
-        raise ValueError("too long for the name of a part")
-    return text
-
-
-_CHOSEN: Mapping[str, Callable[[str], object]] = {
-    "opened": _word(Inspector),
-    "part": _short,
-    "gather": _word(Gather),
-    "order": _word(Order),
-    "direction": _word(Direction),
-    "is_linear": _flag,
-    "is_smooth": _flag,
-    "shows_links": _flag,
-    "shows_planes": _flag,
-    "num_back": _whole(0, MOST_BACK),
-    "level": _whole(1, 3),
-    "plane": _word(Plane),
-    "channel": _whole(0, MOST_CHANNELS),
-    "discard": _whole(0, 95),
-}
-assert set(_CHOSEN) == {entry.name for entry in fields(InspectState)} - {"change", "pin_a", "pin_b"}

@@ -1,24 +1,24 @@
-"""The part of a view that looks after the recording itself: the doctor's page, and what is cut out of it."""
+"""What looks after the recording itself: its statistics, and what is trimmed out of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
+from app.engine.downloads import Downloaded
+from app.engine.requests import Precision
+from app.state import intents as ask
+from app.state.checks import passing
+from app.state.view_state import ViewState
+from app.views.view import Here
 from etnet.windows import Policy, Window
 
-
-@dataclass(frozen=True, slots=True)
-class Examine:
-    """Open the doctor's page of the recording on show, or close it."""
-
-    is_open: bool
+TRIM_SLOT = "recording.trim"
 
 
 @dataclass(frozen=True, slots=True)
 class MarkTrim:
-    """The window on show is the first one of what is cut out, or the last."""
+    """The current window is the first one of what is trimmed out, or the last."""
 
     end: Literal["from", "to"]
 
@@ -30,15 +30,12 @@ class Trim:
 
 @dataclass(frozen=True, slots=True)
 class DropTrim:
-    """What is being cut out is not wanted any more, or it has been handed over."""
-
-
-RecordingIntent = Examine | MarkTrim | Trim | DropTrim
+    """What is being trimmed out is not wanted any more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """One end of a cut: an event's index, and the stamp (µs) that the window begins or ends with."""
+    """One end of a stretch: an event's index, and the stamp (µs) that the window begins or ends with."""
 
     event: int
     stamp: int
@@ -54,53 +51,54 @@ class Excerpt:
 
     @property
     def is_marked(self) -> bool:
-        """Whether there is anything to cut."""
+        """Whether there is anything to trim."""
         return self.begin is not None or self.end is not None
 
 
 @dataclass(frozen=True, slots=True)
 class TrimOrder:
-    """What is being cut out, complete in itself; model, precision and windows say whose playback reads the events."""
+    """What is being trimmed out, complete in itself; network, precision and windows say whose playback reads it."""
 
     excerpt: Excerpt
     model_id: str
-    precision: Literal["auto", "fp32", "bf16"]
+    precision: Precision
     policy: Policy
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingState:
-    """`examines`: the doctor's page is open. A browser keeps none of this: a page that comes back costs nothing."""
+    """A browser keeps none of this: a page that comes back costs nothing."""
 
+    view: ClassVar[str] = "recording"
     examines: bool = False
-    excerpt: Excerpt = Excerpt()
-    cut: TrimOrder | None = None
+    """Whether the recording's statistics are computed and shown."""
+    fits: bool = False
+    """Whether the sensor's statistics are held against the training range."""
+    excerpt: Excerpt = passing(default_factory=Excerpt)
+    cut: TrimOrder | None = passing(None)
 
 
-def reduce_recording(
-    view: RecordingState,
-    intent: RecordingIntent,
-    recording_id: str,
-    window: Window | None,
-    order: Callable[[Excerpt], TrimOrder | None],
-) -> RecordingState:
-    """The part after `intent`, which came while `window` of a recording was on show; `order` completes a cut.
-
-    Marks in the wrong order are no cut: the one that was set last stays.
-    """
+def reduce_recording(slice_: RecordingState, intent: Any, here: Here) -> RecordingState:
+    """Marks in the wrong order are no stretch: the one that was set last stays."""
+    state = here.state
     match intent:
-        case Examine(is_open):
-            return replace(view, examines=bool(is_open))
         case MarkTrim(end):
-            if window is None:
-                return view
-            return replace(view, excerpt=_marked(view.excerpt, end, recording_id, window), cut=None)
+            if here.window is None:
+                return slice_
+            return replace(slice_, excerpt=_marked(slice_.excerpt, end, state.recording_id, here.window), cut=None)
         case Trim():
-            excerpt = view.excerpt
-            is_here = excerpt.is_marked and excerpt.recording_id == recording_id
-            return replace(view, cut=order(excerpt)) if is_here else view
-        case DropTrim():
-            return replace(view, cut=None)
+            is_here = slice_.excerpt.is_marked and slice_.excerpt.recording_id == state.recording_id
+            return replace(slice_, cut=_order(state, slice_.excerpt)) if is_here else slice_
+        case DropTrim() | Downloaded(slot=TRIM_SLOT):
+            return replace(slice_, cut=None)
+        case ask.RenameRecording(recording_id) if slice_.excerpt.recording_id == state.recording_id:
+            # A part's events have the numbers of the whole.
+            return replace(slice_, excerpt=replace(slice_.excerpt, recording_id=recording_id))
+    return slice_
+
+
+def _order(state: ViewState, excerpt: Excerpt) -> TrimOrder | None:
+    return None if state.policy is None else TrimOrder(excerpt, state.model_id, state.precision, state.policy)
 
 
 def _marked(excerpt: Excerpt, end: str, recording_id: str, window: Window) -> Excerpt:
@@ -115,16 +113,14 @@ def _marked(excerpt: Excerpt, end: str, recording_id: str, window: Window) -> Ex
     return replace(excerpt, end=stop, begin=excerpt.begin if keeps else None)
 
 
-_WORDS: dict[str, RecordingIntent] = {
-    "examine:on": Examine(True),
-    "examine:off": Examine(False),
+_WORDS: dict[str, Any] = {
     "from": MarkTrim("from"),
     "to": MarkTrim("to"),
-    "cut": Trim(),
-    "leave": DropTrim(),
+    "trim": Trim(),
+    "drop": DropTrim(),
 }
 
 
-def heard(text: str) -> RecordingIntent | None:
-    """What a click on one of our own buttons says; `None` for what none of them sends."""
-    return _WORDS.get(text)
+def hear(words: str) -> Any:
+    """What a click on one of the view's own buttons says; `None` for what none of them sends."""
+    return _WORDS.get(words)

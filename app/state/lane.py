@@ -1,0 +1,21 @@
+"""A run beside the main one: the same recording by another network, in other windows, filtered, from a cold start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.engine.requests import Precision
+from etnet.events.denoise import UNCLEANED, Cleaning
+from etnet.windows import Policy
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A reconstruction beside the main one; `None` is "as the main one"."""
+
+    model_id: str | None = None
+    precision: Precision | None = None
+    policy: Policy | None = None
+    cleaning: Cleaning = UNCLEANED
+    cold_from: int | None = None
+    """Stamp (µs) of the first event that the network sees: its state is zero there."""

@@ -1,0 +1,126 @@
+"""What an intent does to the moment that all views share. Pure; every value stays inside the recording's limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from app.state import intents as ask
+from app.state.checks import checked
+from app.state.view_state import Limits, ViewState
+from etnet.windows import Window
+
+SEARCHED = 5_000
+"""Windows that are looked at for the first one that holds events."""
+
+
+def reduce_shared(state: ViewState, intent: Any, limits: Limits) -> ViewState:
+    """The shared moment after `intent`; slices are left to their views."""
+    if getattr(intent, "pauses", False):
+        state = replace(state, is_playing=False)
+    return (
+        _reduce_playback(state, intent, limits)
+        or _reduce_recording(state, intent, limits)
+        or _reduce_page(state, intent, limits)
+        or state
+    )
+
+
+def _reduce_playback(state: ViewState, intent: Any, limits: Limits) -> ViewState | None:
+    match intent:
+        case ask.Seek(index):
+            return replace(state, index=limits.clamp_index(index), is_playing=False)
+        case ask.Move(num_windows):
+            return replace(state, index=limits.clamp_index(state.index + num_windows), is_playing=False)
+        case ask.SeekTime(seconds):
+            seconds = seconds if math.isfinite(seconds) else 0.0
+            t = limits.start + round(min(max(seconds, 0.0), 1e9) * 1e6)
+            return replace(state, index=limits.index_at(t), is_playing=False)
+        case ask.TogglePlay():
+            is_at_end = limits.windows is not None and state.index >= len(limits.windows) - 1
+            restarts = not state.is_playing and is_at_end and not limits.is_growing
+            return replace(state, index=0 if restarts else state.index, is_playing=not state.is_playing)
+        case ask.PlayTo(index):
+            return _played_to(state, index, limits)
+        case ask.ChooseSpeed(speed, waits_for_frames):
+            return replace(_set(state, "speed", speed), waits_for_frames=waits_for_frames)
+        case ask.SetLoop(loops):
+            return replace(state, loops=loops)
+    return None
+
+
+def _played_to(state: ViewState, index: int, limits: Limits) -> ViewState:
+    if not state.is_playing:
+        return state
+    is_past = limits.windows is not None and index >= len(limits.windows) and not limits.is_growing
+    if is_past and state.loops:
+        return replace(state, index=0)
+    return replace(state, index=limits.clamp_index(index), is_playing=not is_past)
+
+
+def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewState | None:
+    window = limits.window(state.index)
+    moment = window.t_stop if window else state.moment
+    match intent:
+        case ask.OpenRecording(recording_id):
+            if recording_id == state.recording_id:
+                return state
+            opened = replace(state, recording_id=recording_id, policy=None, query=None)
+            return replace(opened, index=0, moment=None, is_playing=False)
+        case ask.ReopenRecording(recording_id):
+            return replace(state, recording_id=recording_id, moment=moment, is_playing=False)
+        case ask.ChooseModel(model_id):
+            return replace(state, model_id=model_id)
+        case ask.ChoosePrecision(precision):
+            return _set(state, "precision", precision)
+        case ask.ChoosePolicy(policy):
+            if policy == state.policy:
+                return state
+            return replace(state, policy=policy, moment=moment, is_playing=False)
+        case ask.RenameRecording(recording_id):
+            return replace(state, recording_id=recording_id)
+        case ask.Settle(policy):
+            index = state.index if state.moment is None else limits.index_at(state.moment)
+            if state.policy is None and state.moment is None and index == 0:
+                index = first_with_events(limits.windows or ())
+            settled = replace(state, policy=policy, index=limits.clamp_index(index), moment=None)
+            return settled if state.query is None else _queried(settled, *state.query, limits)
+    return None
+
+
+def first_with_events(windows: Sequence[Window]) -> int:
+    """The first window that holds events, where a recording is opened; 0 where the first thousands hold none."""
+    return next((i for i in range(min(len(windows), SEARCHED)) if windows[i].num_events), 0)
+
+
+def _reduce_page(state: ViewState, intent: Any, limits: Limits) -> ViewState | None:
+    match intent:
+        case ask.Query(x, y):
+            return _queried(state, x, y, limits)
+        case ask.QueryFraction(x, y):
+            if limits.sensor is None or not (math.isfinite(x) and math.isfinite(y)):
+                return state
+            width, height = limits.sensor.width, limits.sensor.height
+            return _queried(state, math.floor(x * width), math.floor(y * height), limits)
+        case ask.ShowWorkspace(workspace):
+            return replace(_set(state, "workspace", workspace), tab="")
+        case ask.OpenTab(tab):
+            return _set(state, "tab", tab)
+    return None
+
+
+def _queried(state: ViewState, x: int, y: int, limits: Limits) -> ViewState:
+    width, height = (limits.sensor.width, limits.sensor.height) if limits.sensor else (65_536, 65_536)
+    # In public the picture waits for the person who touches it; elsewhere playing goes on under the maps.
+    goes_on = state.is_playing and not state.is_public
+    return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)), is_playing=goes_on)
+
+
+def _set(state: ViewState, name: str, value: object) -> ViewState:
+    """A page may send anything; what does not fit changes nothing."""
+    try:
+        return replace(state, **{name: checked(ViewState, name, value)})
+    except ValueError:
+        return state

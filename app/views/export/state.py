@@ -1,0 +1,98 @@
+"""What is being exported: its form, and the order that is complete in itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
+
+from app.engine.downloads import Downloaded
+from app.engine.requests import Precision
+from app.state.checks import passing
+from app.state.view_state import ViewState
+from app.views.inspect.state import NO_CHANGE, Change, InspectState
+from app.views.view import Here
+from etnet.windows import Policy
+
+EXPORT_SLOT = "export.file"
+ExportFormat = Literal["mp4", "gif", "png", "npz", "h5", "csv", "page", "session"]
+ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
+"""Those of `etnet.export.arrays`, which needs torch."""
+Sheet = Literal["panels", "voxels", "attention", "layout"]
+"""What a picture of the moment shows: panels side by side, as in a video, or what else stands in the page."""
+Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StartExport:
+    """Make a file of the current recording, in the background.
+
+    `first` … `last` are windows, both included; `None` takes the recording's ends. `speed` is a share of real time.
+    """
+
+    pauses: ClassVar[bool] = True
+    """Playing and exporting would both want the network."""
+    format: ExportFormat
+    first: int | None = None
+    last: int | None = None
+    panels: Panels = ("reconstruction",)
+    speed: float = 0.1
+    has_stamps: bool = False
+    arrays: tuple[ArrayName, ...] = ("frames", "voxels", "attention")
+    """Attention is that of the chosen pixel, and left out while there is none."""
+    sheet: Sheet = "panels"
+    """Of a picture of one moment."""
+
+
+@dataclass(frozen=True, slots=True)
+class DropExport:
+    """What is being made is not wanted any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What was asked for, and of what: complete in itself, whatever the page shows meanwhile."""
+
+    wanted: StartExport
+    recording_id: str
+    model_id: str
+    precision: Precision
+    policy: Policy
+    index: int
+    query: tuple[int, int] | None = None
+    change: Change = NO_CHANGE
+    """What was done to the network on purpose; a session holds it, if a run can (`Change.run_from`)."""
+    view: ViewState | None = None
+    """How things were shown, for a sheet; `None` for all that does not depend on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportState:
+    """`None` while nothing is being made."""
+
+    view: ClassVar[str] = "export"
+    order: Order | None = passing(None)
+
+
+def reduce_export(slice_: ExportState, intent: Any, here: Here) -> ExportState:
+    """In public nothing is handed out."""
+    match intent:
+        case StartExport():
+            return slice_ if here.state.is_public else replace(slice_, order=order_of(here.state, intent))
+        case DropExport() | Downloaded(slot=EXPORT_SLOT):
+            return replace(slice_, order=None)
+    return slice_
+
+
+def order_of(state: ViewState, wanted: StartExport) -> Order | None:
+    """The order for what a page shows; `None` before its windows are known."""
+    if state.policy is None:
+        return None
+    is_sheet = wanted.format == "png" and wanted.sheet != "panels"
+    view = replace(state.put(ExportState()), is_playing=False) if is_sheet else None
+    of = state.recording_id, state.model_id, state.precision, state.policy, state.index
+    return Order(wanted, *of, state.query, state.of(InspectState).change, view)
+
+
+def arrays_of(wanted: StartExport, query: tuple[int, int] | None) -> tuple[ArrayName, ...]:
+    """The arrays that can be written with this pixel, or none, chosen."""
+    return tuple(name for name in wanted.arrays if name != "attention" or query is not None)

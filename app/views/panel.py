@@ -1,0 +1,86 @@
+"""What every panel is, and its widgets: their use turns into intents, their content is sent only when it changes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import viser
+
+from app.views.page import Page
+from etnet.errors import EtnetError
+
+Dispatch = Callable[[Any], None]
+"""Takes an intent; returns at once."""
+
+
+class Panel(Protocol):
+    """A part of the page."""
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """Lay out the widgets, once."""
+        ...
+
+    def show(self, page: Page) -> None:
+        """Draw what has changed. Called from the visitor's own thread."""
+        ...
+
+
+class Html:
+    """One HTML element; it is sent only when it differs from what the page already has."""
+
+    def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
+        self._handle = gui.add_html(content)
+        self._content = content
+
+    def show(self, content: str) -> None:
+        """Replace the content in place."""
+        if content != self._content:
+            self._content = content
+            self._handle.content = content
+
+    def set_visible(self, is_visible: bool) -> None:
+        """Show or hide the element."""
+        if self._handle.visible != is_visible:
+            self._handle.visible = is_visible
+
+
+def on_visitor(handle: Any, act: Callable[[Any], Any], dispatch: Dispatch) -> None:
+    """PendingRequest a visitor's use of a widget into an intent; what the server itself assigns is no request of his.
+
+    `act` gets the widget's value. It runs on viser's event loop and must only make a value.
+    """
+
+    async def heard(event: viser.GuiEvent[Any]) -> None:
+        if event.client is None:
+            return
+        try:
+            intent = act(event.target.value)
+        except (TypeError, ValueError, LookupError, OverflowError, EtnetError):
+            return  # no widget of ours sends such a value
+        if intent is not None:
+            dispatch(intent)
+
+    handle.on_update(heard)
+
+
+def on_press(button: viser.GuiButtonHandle, intent: Any, dispatch: Dispatch) -> None:
+    """PendingRequest a visitor's click into an intent."""
+
+    async def pressed(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+        if event.client is not None:
+            dispatch(intent)
+
+    button.on_click(pressed)
+
+
+def assign(handle: Any, value: object) -> None:
+    """Let a widget show a value, unless it does, or the visitor's hand was on it a moment ago."""
+    if handle.value != value and seconds_since_touched(handle) > 0.4:
+        handle.value = value
+
+
+def seconds_since_touched(handle: Any) -> float:
+    """Seconds since the widget's value last changed, by whomever."""
+    return time.time() - float(handle.update_timestamp)

@@ -1,0 +1,38 @@
+"""One intent, one new page: the shared moment first, then every view's slice. Nothing else may change a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from app.state import intents as ask
+from app.state.checks import checked, with_word
+from app.state.reduce import reduce_shared
+from app.state.view_state import Limits, ViewState
+from app.views.view import Here, View
+
+
+def reduce_views(state: ViewState, intent: Any, limits: Limits, views: Sequence[View]) -> ViewState:
+    """The page after `intent`. Each view sees the page as it was before."""
+    here = Here(state, limits)
+    changed = []
+    for view in views:
+        before = view.of(state)
+        after = view.reduce(before, intent, here)
+        if isinstance(intent, ask.Set) and intent.view == view.name:
+            after = _set(after, intent)
+        if after is not before:
+            changed.append(after)
+    shared = reduce_shared(state, intent, limits)
+    return shared.put(*changed) if changed else shared
+
+
+def _set(slice_: Any, intent: ask.Set) -> Any:
+    """A page may send anything; what does not fit changes nothing."""
+    try:
+        if intent.is_word:
+            return with_word(slice_, intent.field, str(intent.value))
+        return replace(slice_, **{intent.field: checked(type(slice_), intent.field, intent.value)})
+    except ValueError:
+        return slice_
