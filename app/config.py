@@ -48,8 +48,8 @@ class ViewerConfig:
     """A bundled model's name, a weights file, or a Python file of your own that defines `network`."""
     device: str = "cpu"
     """Where the network runs: cpu, cuda, cuda:1 …"""
-    precision: Literal["auto", "fp32", "bf16"] = "auto"
-    """auto takes the faster of fp32 and bf16 on this machine."""
+    precision: Literal["auto", "fp32", "bf16"] = "fp32"
+    """auto takes the faster of fp32 and bf16 on this machine, if both agree."""
     host: str = "127.0.0.1"
     """Where to listen. Any host but this machine's own needs --token."""
     port: int = 8080

@@ -54,8 +54,8 @@ class Viewer:
         from app.catalogue.uploads import UploadLimits, Uploads
         from app.catalogue.visitor import VisitorCatalogue
         from app.engine.engine import Engine
+        from app.session.demo import MOST_VISITORS
         from app.session.session import Session
-        from app.views.demo.script import MOST_VISITORS
         from app.web import upload_endpoint as upload_door
         from app.web.server import Address, free_port, start_server
 
@@ -130,7 +130,7 @@ class Viewer:
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""
-        from app.views.demo.script import public_view
+        from app.session.demo import public_view
 
         entries, models = self.catalogue.entries(), self.catalogue.models()
         view = ViewState(

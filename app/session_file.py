@@ -65,11 +65,12 @@ def view_of(session: Session, default: ViewState, models: Sequence[ModelEntry]) 
     Raises:
         WeightsError: none of the models has the session's weights.
     """
-    change, inside = session.change, InspectState()
-    if change is not None:
-        inside = InspectState("change", change=Change(change.intervention, since=change.at))
+    change = session.change
     model_id = _model_of(session, models).id
-    return replace(default, model_id=model_id, policy=session.policy, index=session.start, inside=inside)
+    view = replace(default, model_id=model_id, policy=session.policy, index=session.start)
+    if change is None:
+        return view
+    return view.put(InspectState("change", change=Change(change.intervention, since=change.at)))
 
 
 def _model_of(session: Session, models: Sequence[ModelEntry]) -> ModelEntry:

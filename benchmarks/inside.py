@@ -22,7 +22,7 @@ from app.config import ViewerConfig
 from app.engine.requests import FrameRequest, Ready
 from app.main import Viewer
 from app.views.attention.html.grid import attention_html
-from app.views.attention.html.maps import AttentionLook
+from app.html.attention.maps import AttentionLook
 from app.views.inspect.panel import INSPECTORS
 from app.views.inspect.state import Inspector
 from etnet.events.events import Events, Sensor
@@ -69,7 +69,7 @@ def _drawings(recording: Recording) -> list[float]:
     took = []
     for number in range(CLICKS + 1):
         began = time.perf_counter()
-        attention_html(ready, AttentionLook((13 + 25 * number, 7 + 19 * number)), on_pick="")
+        attention_html(ready, AttentionLook((13 + 25 * number, 7 + 19 * number)))
         took.append((time.perf_counter() - began) * 1e3)
     return took[1:]
 

@@ -15,7 +15,7 @@ from app.catalogue.recordings import Catalogue, suited_policy
 from app.config import ViewerConfig
 from app.html.moment import Moment
 from app.html.pictures import event_image_html
-from app.views.scene.points import event_cloud
+from app.html.cloud import event_cloud
 from app.views.timeline.html import timeline_html
 from app.views.voxels.html import voxel_html
 from etnet.windows import plan_windows

@@ -19,9 +19,9 @@ from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, 
 from app.catalogue.models import ModelEntry, digest, offered_models
 from app.catalogue.part_id import known_as, whole_id
 from app.catalogue.recording_id import listed_id, stated_in
+from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
 from app.config import ViewerConfig
-from app.engine.threads import THREADS
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from app.html.elements import empty, escape, legend, picture
+from app.html.elements import ON_PICK, empty, escape, legend, picture
 from app.html.moment import PICTURES
 from app.html.units import count, resolution
 from etnet.render.colours import OFF, ON, css_gradient, diverge, diverging, hexadecimal
@@ -20,12 +20,12 @@ PERCENTILE = 99.5
 """Of the magnitudes: where the colours of a signed picture end."""
 
 
-def button(text: str, key: str, on_pick: str, *, is_on: bool = False, hint: str = "", classes: str = "") -> str:
-    """A button of our own; a click sends `inside:<key>`."""
+def button(text: str, key: str, *, is_on: bool = False, hint: str = "", classes: str = "") -> str:
+    """A button of our own; a click sends `key`."""
     title = f' title="{escape(hint)}"' if hint else ""
     on = " et-on" if is_on else ""
     return (
-        f'<button class="et-button{on} {classes}" data-k="inside:{escape(key)}" {on_pick}'
+        f'<button class="et-button{on} {classes}" data-k="{escape(key)}" {ON_PICK}'
         f' aria-pressed="{"true" if is_on else "false"}"{title}>{escape(text)}</button>'
     )
 
@@ -84,13 +84,11 @@ def signed_limit(values: Float32[np.ndarray, "h w"], least: float = VISIBLE) -> 
     return max(float(np.percentile(np.abs(values), PERCENTILE)), least)
 
 
-def signed_picture(
-    values: Float32[np.ndarray, "h w"], limit: float, alt: str, key: object, *, on_pick: str = "", marks: str = ""
-) -> str:
+def signed_picture(values: Float32[np.ndarray, "h w"], limit: float, alt: str, key: object, marks: str = "") -> str:
     """A signed picture; `key` tells it from all others."""
     url = PICTURES.text(("signed", key, limit), lambda: data_url(diverge(values, limit), is_lossless=True))
     height, width = values.shape
-    return picture(url, alt, key="pixel", on_pick=on_pick, size=(width, height), marks=[marks] if marks else [])
+    return picture(url, alt, key="pixel", size=(width, height), marks=[marks] if marks else [])
 
 
 def signed_legend(title: str, limit: float, low: str = "darker", high: str = "brighter") -> str:
@@ -99,11 +97,11 @@ def signed_legend(title: str, limit: float, low: str = "darker", high: str = "br
     return legend(title, css_gradient(diverging()), [(0.0, f"≥ {ends} {low}"), (0.5, "0"), (1.0, f"≥ {ends} {high}")])
 
 
-def grey_picture(grey: UInt8[np.ndarray, "h w"], alt: str, key: object, *, on_pick: str = "", marks: str = "") -> str:
+def grey_picture(grey: UInt8[np.ndarray, "h w"], alt: str, key: object, marks: str = "") -> str:
     """A grey picture; `key` tells it from all others."""
     url = PICTURES.text(("grey picture", key), lambda: data_url(grey, is_lossless=False))
     height, width = grey.shape
-    return picture(url, alt, key="pixel", on_pick=on_pick, size=(width, height), marks=[marks] if marks else [])
+    return picture(url, alt, key="pixel", size=(width, height), marks=[marks] if marks else [])
 
 
 def under_way(share: float, what: str) -> str:

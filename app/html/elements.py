@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-__all__ = ["chip", "empty", "escape", "legend", "marker", "panel", "picture", "swatch"]
+ON_PICK = 'data-pick="1"'
+"""The attribute that makes an element of `data-k` clickable."""
+__all__ = ["ON_PICK", "chip", "empty", "escape", "legend", "marker", "panel", "picture", "swatch"]
 
 
 def panel(name: str, *parts: str, style: str = "") -> str:
@@ -19,20 +21,20 @@ def picture(
     alt: str,
     *,
     key: str = "",
-    on_pick: str = "",
     marks: Iterable[str] = (),
     classes: str = "",
     size: tuple[int, int] | None = None,
     style: str = "",
 ) -> str:
-    """An image in a frame. `key` names it (`data-k`) for the pick channel, whose attribute `on_pick` is trusted.
+    """An image in a frame. A click on it sends `key` (`data-k`), if there is one.
 
     `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click.
     """
     measures = f' width="{size[0]}" height="{size[1]}"' if size else ""
-    picking = f' data-k="{escape(key)}" {on_pick}' if on_pick else ""
-    css = f' style="{style}"' if style else ""
-    pickable = " et-pick" if on_pick else ""
+    picking = f' data-k="{escape(key)}" {ON_PICK}' if key else ""
+    ratio = f"--ratio:{size[0] / size[1]:.4f};" if size else ""
+    css = f' style="{ratio}{style}"' if ratio or style else ""
+    pickable = " et-pick" if key else ""
     return (
         f'<span class="et-picture{pickable} {classes}"{css}>'
         f'<img src="{url}" alt="{escape(alt)}"{measures}{picking} draggable="false">{"".join(marks)}</span>'

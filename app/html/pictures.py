@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import UInt8
 
 from app.engine.requests import Failed, Ready, Working
 from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
+from app.html.tones import Tones
 from app.html.units import count, milliseconds, short
-from app.state.view_state import ViewState
 from etnet.render.colours import OFF, ON, counting, css_gradient, diverging, hexadecimal
 from etnet.render.encode import data_url
 from etnet.render.events import BUSY, EventStyle, event_image
-from etnet.render.tone import Tone, resolve, tone_map
+from etnet.render.tone import resolve, tone_map
 
 _TONE_WORDS = {
     "raw": "brightness as it comes",
@@ -24,19 +22,6 @@ _TONE_WORDS = {
     "hdr": "auto HDR: this frame’s black and white",
     "clahe": "local contrast (CLAHE)",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Tones:
-    """How grey values are shown. `is_linear_light` is what the model's card says of its frames."""
-
-    tone: Tone = "auto"
-    is_linear_light: bool = True
-
-    @staticmethod
-    def of(state: ViewState, is_linear_light: bool) -> Tones:
-        """As a visitor chose."""
-        return Tones(state.tone, is_linear_light)
 
 
 def reconstruction_image(ready: Ready, tones: Tones) -> UInt8[np.ndarray, "h w"]:
@@ -66,7 +51,6 @@ def reconstruction_html(
     query: tuple[int, int] | None = None,
     working: Working | None = None,
     failed: Failed | None = None,
-    on_pick: str = "",
 ) -> str:
     """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come."""
     lag = lag_line(ready, wanted, working, failed)
@@ -83,7 +67,6 @@ def reconstruction_html(
         url,
         f"Reconstruction of window {ready.request.index}",
         key="pixel",
-        on_pick=on_pick,
         marks=marks,
         size=(width, height),
     )
@@ -129,7 +112,7 @@ def badges(ready: Ready, tones: Tones) -> str:
         )
     elif not ready.request.is_original:
         found.append(chip("changed", "warning", "A part of the network or its events is changed"))
-        found.append('<button class="et-button" data-k="inside:back" data-pick="1">put back</button>')
+        found.append('<button class="et-button" data-k="inspect:reset" data-pick="1">Reset all</button>')
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold:
@@ -139,7 +122,7 @@ def badges(ready: Ready, tones: Tones) -> str:
     return f'<div class="et-chips">{"".join(found)}</div>'
 
 
-def camera_frame_html(moment: Moment, *, tones: Tones, on_pick: str = "") -> str:
+def camera_frame_html(moment: Moment, *, tones: Tones) -> str:
     """The ordinary camera's frame at this moment, in the same tone, or why there is none."""
     found = camera_image(moment, tones)
     if found is None:
@@ -152,7 +135,7 @@ def camera_frame_html(moment: Moment, *, tones: Tones, on_pick: str = "") -> str
     height, width = grey.shape
     key = ("camera", moment.recording_id, stamp, tones)
     url = PICTURES.text(key, lambda: data_url(grey, is_lossless=False))
-    image = picture(url, "Camera frame", key="pixel", on_pick=on_pick, size=(width, height))
+    image = picture(url, "Camera frame", key="pixel", size=(width, height))
     offset = (stamp - moment.window.t_stop) / 1000
     when = "taken as this window ends" if abs(offset) < 0.05 else _beside(offset)
     return panel("camera", image, f'<div class="et-caption"><span>{escape(when)}</span></div>')
@@ -163,10 +146,10 @@ def _beside(offset_ms: float) -> str:
     return f"taken {milliseconds(abs(offset_ms))} {side} this window ends"
 
 
-def event_image_html(moment: Moment, style: EventStyle, *, on_pick: str = "") -> str:
+def event_image_html(moment: Moment, style: EventStyle) -> str:
     """All events of the window in one picture, with a legend in numbers."""
     key = ("events", moment.key, style)
-    return PICTURES.text((*key, on_pick), lambda: _event_image_html(moment, style, on_pick))
+    return PICTURES.text(key, lambda: _event_image_html(moment, style))
 
 
 def event_picture(moment: Moment, style: EventStyle) -> tuple[UInt8[np.ndarray, "h w 3"], float]:
@@ -179,7 +162,7 @@ def event_picture(moment: Moment, style: EventStyle) -> tuple[UInt8[np.ndarray, 
     )
 
 
-def _event_image_html(moment: Moment, style: EventStyle, on_pick: str) -> str:
+def _event_image_html(moment: Moment, style: EventStyle) -> str:
     image, limit = event_picture(moment, style)
     height, width = image.shape[:2]
     num_on = int((moment.events.p > 0).sum())
@@ -188,7 +171,6 @@ def _event_image_html(moment: Moment, style: EventStyle, on_pick: str) -> str:
         data_url(image, is_lossless=True),
         f"{count(total)} events of window {moment.index}",
         key="pixel",
-        on_pick=on_pick,
         size=(width, height),
         classes="et-sharp" if width < 200 else "",
     )

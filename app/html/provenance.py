@@ -24,6 +24,10 @@ class ModelFacts:
     trained_band: tuple[float, float] | None = None
     card: Mapping[str, Any] = field(default_factory=dict)
     """All that the weights file says of itself."""
+    is_linear_light: bool = True
+    """Whether its frames are near linear light."""
+    source: str = ""
+    """What the command line calls it."""
 
 
 def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step_milliseconds: float | None) -> str:

@@ -52,10 +52,9 @@ class VisitorJobs:
                 self._asked[slot] = job
                 self._engine.job(self._visitor, slot, job, lambda slot, result: self._post(JobNews(slot, result)))
 
-    def drop(self, slot: str) -> None:
-        """This answer is not wanted any more, whatever else is."""
-        if slot in self._asked:
-            self.want({name: job for name, job in self._asked.items() if name != slot})
+    def keep(self, jobs: Mapping[str, Job]) -> None:
+        """Drop what is no longer wanted; ask nothing new."""
+        self.want({slot: job for slot, job in self._asked.items() if slot in jobs})
 
     def take(self, found: JobNews) -> bool:
         """Fold one letter; whether it is about what is asked now."""

@@ -9,24 +9,26 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
-from app.catalogue.models import ModelEntry
+from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.denoised import cleaned_once
 from app.engine.playbacks import WARM_UP
 from app.engine.queue import Deliver
 from app.engine.requests import FrameRequest, Reply
-from app.engine.threads import THREADS
 from app.html.moment import Moment
-from app.html.pictures import Tones
+from app.html.provenance import ModelFacts
+from app.session.facts import facts_of
 from app.session.frames import NewestFrames
+from app.state.lane import Lane
 from app.state.view_state import Limits, ViewState
-from app.views.compare.html.lane import LaneShown, Truth
-from app.views.compare.state import MOST_LANES, Lane
+from app.views.page import LaneFrame
 from etnet.errors import EtnetError, WindowError
 from etnet.events.denoise import Cleaning
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, from_window, plan_windows
 
+MOST_LANES = 3
+"""Runs beside the main one that are computed."""
 KEPT_PLANS = 4
 """Plans that are held; one of cleaned events holds four bytes an event."""
 
@@ -100,26 +102,24 @@ class VisitorLanes:
             self._plans.popitem(last=False)
         return True
 
-    def lanes(self, state: ViewState, moment: Moment | None, main: NewestFrames) -> tuple[LaneShown, ...]:
-        """All lanes at this moment, the main one first; none while nothing is compared. Plans what is not planned."""
-        if state.compare.inspector not in ("lanes", "scores") or moment is None:
+    def lanes(
+        self, state: ViewState, lanes: Sequence[Lane] | None, moment: Moment | None, main: NewestFrames
+    ) -> tuple[LaneFrame, ...]:
+        """All runs at this moment, the main one first; none while `lanes` is `None`. Plans what is not planned."""
+        if lanes is None or moment is None:
             self._plans.clear()
             return ()
         return (
             self._shown(0, Lane(), state, moment, main),
             *(
                 self._shown(number, lane, state, moment, self._answers[number])
-                for number, lane in enumerate(state.compare.lanes, start=1)
+                for number, lane in enumerate(lanes[:MOST_LANES], start=1)
             ),
         )
 
-    def ask(self, state: ViewState, lanes: Sequence[LaneShown]) -> None:
-        """FrameRequest for every lane's frame that is on show; what is not shown any more is dropped."""
-        wanted = (
-            {lane.number: lane.request for lane in lanes[1:] if lane.request}
-            if state.compare.inspector == "lanes"
-            else {}
-        )
+    def ask(self, lanes: Sequence[LaneFrame]) -> None:
+        """Request every run's current frame; what is not shown any more is dropped."""
+        wanted = {lane.number: lane.request for lane in lanes[1:] if lane.request}
         for number in self._asked - set(wanted):
             self.drop(number)
         for number, request in wanted.items():
@@ -144,33 +144,39 @@ class VisitorLanes:
     def _reply_to(self, number: int) -> Deliver:
         return lambda reply: self._post(LaneReply(number, reply))
 
-    def _shown(self, number: int, lane: Lane, state: ViewState, moment: Moment, answers: NewestFrames) -> LaneShown:
+    def _shown(self, number: int, lane: Lane, state: ViewState, moment: Moment, answers: NewestFrames) -> LaneFrame:
         try:
-            model = self._catalogue.model(lane.model_id or state.model_id)
+            entry = self._catalogue.model(lane.model_id or state.model_id)
         except EtnetError as error:
-            return _untold(number, lane, str(error))
+            return LaneFrame(number, lane, None, None, 0, ModelFacts(""), WARM_UP, trouble=str(error))
+        facts, warm_up = facts_of(entry), entry.warm_up or WARM_UP
         plan = LanePlan(state.recording_id, lane.policy or moment.policy, lane.cleaning, lane.cold_from)
         planned = self._planned(plan, moment)
         if planned is None or planned.trouble:
-            return replace(_untold(number, lane, planned.trouble if planned else ""), model_title=model.title)
-        # Windows may end at one stamp: in the main lane's own plan the window is known.
+            trouble = planned.trouble if planned else ""
+            return LaneFrame(number, lane, None, None, 0, facts, warm_up, trouble=trouble)
+        # Windows may end at one stamp: in the main run's own plan the window is known.
         is_same_plan = planned.windows is moment.windows
         index = moment.index if is_same_plan else Limits(windows=planned.windows).index_at(moment.window.t_stop)
-        precision = lane.precision or state.precision
         request = FrameRequest(
             state.recording_id,
-            model.id,
-            precision,
+            entry.id,
+            lane.precision or state.precision,
             plan.policy,
             index,
             cleaning=lane.cleaning,
             cold_at=planned.cold_at,
         )
         if number == 0 and answers.request is not None and answers.request.index == index:
-            # The main lane shows what was changed inside the network, and is scored so.
+            # The main run shows what was changed inside the network, and is scored so.
             intervention, edit, since = answers.request.change
             request = replace(request, intervention=intervention, edit=edit, since=since)
-        return _told(number, lane, request, planned.windows, model, state, moment, answers)
+        ready = answers.ready
+        if ready is not None and ready.request.playback != request.playback:
+            ready = None  # what another network made would stand under this one's name
+        window, num_windows = planned.windows[index], len(planned.windows)
+        progress = ready, answers.working, answers.failed
+        return LaneFrame(number, lane, request, window, num_windows, facts, warm_up, *progress)
 
     def _planned(self, plan: LanePlan, moment: Moment) -> LanePlanned | None:
         """The windows of a plan, if they are there; otherwise they are planned beside the page."""
@@ -195,46 +201,3 @@ class VisitorLanes:
             self._post(LanePlanned(plan, from_window(windows, cold_at), cold_at))
         except EtnetError as error:
             self._post(LanePlanned(plan, trouble=str(error)))
-
-
-def _untold(number: int, lane: Lane, trouble: str) -> LaneShown:
-    return LaneShown(number, lane, None, None, 0, "", None, WARM_UP, Tones(), None, trouble=trouble)
-
-
-def _told(
-    number: int,
-    lane: Lane,
-    request: FrameRequest,
-    windows: Sequence[Window],
-    model: ModelEntry,
-    state: ViewState,
-    moment: Moment,
-    answers: NewestFrames,
-) -> LaneShown:
-    ready = answers.ready
-    if ready is not None and ready.request.playback != request.playback:
-        ready = None  # what another network made would stand under this one's name
-    window = windows[request.index]
-    return LaneShown(
-        number,
-        lane,
-        request,
-        window,
-        len(windows),
-        model.title,
-        model.trained_band,
-        model.warm_up or WARM_UP,
-        Tones.of(state, model.is_linear_light),
-        _truth(moment, window.t_stop, state.compare.offset),
-        ready,
-        answers.working,
-        answers.failed,
-    )
-
-
-def _truth(moment: Moment, t_stop: int, offset: int) -> Truth | None:
-    source = moment.recording.ground_truth
-    if source is None or len(source) == 0:
-        return None
-    index = source.nearest(t_stop - offset)
-    return Truth(index, int(source.stamps[index]) + offset - t_stop)

@@ -1,112 +1,129 @@
-"""Where everything stands: two columns and a strip at the foot, or one sheet on a phone; keys; the camera's presets."""
+"""Where everything stands: cards, inspector column and timeline, or one sheet on a phone; keys; help."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import viser
 
 from app.html.assets import page_folder
-from app.session.channel import AskHelp, Message, open_channel
+from app.html.card import segmented
+from app.session.channel import AskHelp, open_channel
 from app.state import intents as ask
-from app.views.appearance.panel import ViewPanel
-from app.views.attention.panel import AttentionPanel
-from app.views.compare.panel import ComparePanel
-from app.views.demo.panel import Demo, Provenance, SceneLegend
-from app.views.demo.public import PublicDemo
-from app.views.export.panel import ExportPanel
-from app.views.inspect.panel import InspectPanel
-from app.views.reconstruction.panel import EventPicture, Reconstruction, Voxels
-from app.views.recording.panel import RecordingPanel
-from app.views.scene.space import Space, camera_place
-from app.views.timeline.panel import TimelinePanel
-from app.views.view import Dispatch, Page, Panel
+from app.state.view_state import ViewState, Workspace
+from app.views.page import Page
+from app.views.panel import Dispatch, Html, Panel
+from app.views.scene.state import ChooseCamera
+from app.views.view import View, open_tab, open_views, tabs
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
 
-PHONE_ASPECT = 0.9
-"""A canvas narrower than this is a phone's, on which viser folds all panels into one sheet."""
-WIDTHS: dict[ask.Workspace, tuple[int, int]] = {"inspect": (470, 400), "attention": (360, 560), "demo": (470, 400)}
-"""Pixels of the left and the right column."""
-COMPARE_WIDTH = 560
-"""Pixels of the right column while lanes are compared."""
-COMMANDS: tuple[tuple[str, str | None, ask.Intent], ...] = (
+INSPECTOR_WIDTH: dict[Workspace, int] = {
+    "inspect": 356, "attention": 356, "compare": 356, "recording": 420, "demo": 356,
+}  # fmt: skip
+"""CSS pixels of the right column."""
+COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
     ("Play or pause", "space", ask.TogglePlay()),
     ("Play or pause ", "K", ask.TogglePlay()),
-    ("One window back", "J", ask.Move(-1)),
-    ("One window on", "L", ask.Move(1)),
-    ("Ten windows back", "pageup", ask.Move(-10)),
-    ("Ten windows on", "pagedown", ask.Move(10)),
+    ("Previous window", "J", ask.Move(-1)),
+    ("Next window", "L", ask.Move(1)),
+    ("Back 10 windows", "pageup", ask.Move(-10)),
+    ("Forward 10 windows", "pagedown", ask.Move(10)),
     ("First window", "home", ask.Seek(0)),
     ("Last window", "end", ask.Seek(10**9)),
     ("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
     ("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
-    ("Workspace: Demo", "3", ask.ShowWorkspace("demo")),
-    ("Camera: in depth", None, ask.ChooseCamera("orbit")),
-    ("Camera: front", "F", ask.ChooseCamera("front")),
-    ("Camera: side", None, ask.ChooseCamera("side")),
+    ("Workspace: Compare", "3", ask.ShowWorkspace("compare")),
+    ("Workspace: Recording", "4", ask.ShowWorkspace("recording")),
+    ("Workspace: Demo", "5", ask.ShowWorkspace("demo")),
+    ("Camera: perspective", None, ChooseCamera("orbit")),
+    ("Camera: front", "F", ChooseCamera("front")),
+    ("Camera: side", None, ChooseCamera("side")),
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Layout:
-    """The panels of one page, and the handles that a workspace moves."""
+    """The panels of one page. What cannot be seen is not drawn; it is drawn in full when it is opened."""
 
-    client: viser.ClientHandle
-    panels: tuple[Panel, ...]
-    legend: SceneLegend
-    is_phone: bool
-    left: viser.PanelHandle | None = None
+    views: Sequence[View]
+    panels: dict[str, Panel]
+    folders: dict[str, viser.GuiFolderHandle]
+    strip: Html
+    main: viser.MainPanelHandle
+    width: int = 0
+    _open: set[str] = field(default_factory=set)
 
-    def arrange(self, workspace: ask.Workspace, compares: bool = False) -> None:
-        """Give the columns the widths of a workspace; the theme does the rest by the workspace's mark.
-
-        Lanes beside each other need a wider column than a list of settings.
-        """
-        if self.left is None:
-            return
-        left, right = WIDTHS[workspace]
-        self.left.set_width(left)
-        self.client.gui.main_panel.set_width(max(right, COMPARE_WIDTH) if compares else right)
+    def arrange(self, state: ViewState) -> None:
+        """Open the tab that a state names, close the others."""
+        tab = open_tab(state, self.views)
+        for name, folder in self.folders.items():
+            is_open = tab is not None and name == tab.name
+            if folder.visible != is_open:
+                folder.visible = is_open
+        offered = {f"tab:{view.name}": view.title for view in tabs(state, self.views)}
+        chosen = "" if tab is None else f"tab:{tab.name}"
+        self.strip.show(f'<div class="etv-tabs">{segmented("Settings", offered, chosen) if offered else ""}</div>')
+        width = INSPECTOR_WIDTH[state.workspace]
+        if width != self.width:
+            self.width = width
+            self.main.set_width(width)
 
     def show(self, page: Page) -> None:
-        """Draw what has changed."""
-        for panel in self.panels:
-            panel.show(page)
+        """Draw what has changed in what can be seen."""
+        tab = open_tab(page.state, self.views)
+        for view in open_views(page.state, self.views):
+            panel = self.panels[view.name]
+            if page.state.workspace in view.workspaces:
+                panel.show(page)
+            if view is tab and view.name in self.folders:
+                panel.show_settings(page)
 
 
 def build_layout(
     client: viser.ClientHandle,
     dispatch: Dispatch,
-    hear: Callable[[ask.Intent | Message], None],
+    views: Sequence[View],
     is_public: bool = False,
     ticket: str = "",
 ) -> Layout:
     """Lay out one visitor's page; in public without what only the host may change. `ticket`: see `open_channel`."""
-    is_phone = client.camera.aspect < PHONE_ASPECT
-    open_channel(client.gui, hear, ticket)
-    _add_commands(client.gui, dispatch, hear)
-    return _build_phone(client, dispatch, is_public) if is_phone else _build_desk(client, dispatch, is_public)
+    gui = client.gui
+    offered = [view for view in views if view.is_public or not is_public]
+    open_channel(gui, dispatch, views, ticket)
+    _add_commands(gui, dispatch)
+    panels = {view.name: view.make_panel(client) for view in offered}
+    folders: dict[str, viser.GuiFolderHandle] = {}
 
+    page = gui.add_panel()
+    with page.add_tab("Page", viser.Icon.LAYOUT):
+        Html(gui, '<i class="etv-page-mark"></i>')
+        for view in offered:
+            if view.name != "timeline" and view.workspaces:
+                panels[view.name].build(gui, dispatch)
+    page.float(x=0, y=0, width=900)
 
-def place_camera(client: viser.ClientHandle, space: Space, camera: ask.Camera) -> None:
-    """Put the camera where a preset wants it on this canvas."""
-    place = camera_place(space, camera, client.camera.aspect)
-    with client.atomic():
-        client.camera.up_direction = (0.0, -1.0, 0.0)
-        client.camera.fov = place.fov
-        client.camera.near = place.near
-        client.camera.far = place.far
-        client.camera.position = place.position
-        client.camera.look_at = place.look_at
+    gui.main_panel.dock_right()
+    strip = Html(gui, '<div class="etv-tabs"></div>')
+    for view in offered:
+        if view.settings_in:
+            folders[view.name] = gui.add_folder(view.title, visible=False)
+            with folders[view.name]:
+                panels[view.name].build_settings(gui, dispatch)
+
+    foot = gui.add_panel()
+    with foot.add_tab("Timeline", viser.Icon.TIMELINE):
+        panels["timeline"].build(gui, dispatch)
+    foot.float(x=20, y=-15, width=900)
+    return Layout(views, panels, folders, strip, gui.main_panel)
 
 
 def show_help(client: viser.ClientHandle) -> GuiModalHandle:
     """Keys and words of the page, in a window of their own."""
-    with client.gui.add_modal("Keys and words") as modal:
+    with client.gui.add_modal("Shortcuts and glossary") as modal:
         client.gui.add_html((page_folder() / "help.html").read_text("utf-8"))
         close = client.gui.add_button("Close")
 
@@ -124,74 +141,11 @@ def close_modal(modal: GuiModalHandle | None) -> None:
         modal.close()
 
 
-def _build_desk(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
-    gui = client.gui
-    provenance, legend, demo = Provenance(), SceneLegend(), PublicDemo() if is_public else Demo()
-    reconstruction, events, voxels, transport = Reconstruction(), EventPicture(), Voxels(), TimelinePanel()
-    attention, view = AttentionPanel(), ViewPanel()
-    # In public there is nothing to open or to change, and nothing is handed out.
-    open_tabs = (("Attention", viser.Icon.FOCUS_2, attention), ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view))
-    private_tabs = (
-        ("Inside", viser.Icon.MICROSCOPE, InspectPanel()),
-        ("Recording", viser.Icon.DATABASE, RecordingPanel()),
-        ("View", viser.Icon.ADJUSTMENTS_HORIZONTAL, view),
-        ("Compare", viser.Icon.COLUMNS_3, ComparePanel()),
-        ("Take away", viser.Icon.DOWNLOAD, ExportPanel()),
-    )
-    shown_tabs = open_tabs if is_public else (open_tabs[0], *private_tabs)
-
-    left = gui.add_panel()
-    with left.add_tab("Window on show", viser.Icon.PHOTO):
-        for panel in (reconstruction, events, voxels):
-            panel.build(gui, dispatch)
-    left.dock_left()
-
-    gui.main_panel.dock_right()
-    tabs = gui.add_tab_group()
-    for title, icon, panel in shown_tabs:
-        with tabs.add_tab(title, icon):
-            panel.build(gui, dispatch)
-
-    large = gui.add_panel()
-    with large.add_tab("Demo", viser.Icon.PRESENTATION):
-        demo.build(gui, dispatch)
-    large.float(x=0, y=0, width=900)
-
-    foot = gui.add_panel()
-    with foot.add_tab("Timeline", viser.Icon.TIMELINE):
-        for panel in (provenance, legend, transport):
-            panel.build(gui, dispatch)
-    foot.float(x=20, y=-15, width=900)
-
-    columns = (reconstruction, events, voxels, *(panel for _, _, panel in shown_tabs))
-    panels = (transport, *columns, provenance, legend, demo)
-    return Layout(client, panels, legend, False, left)
-
-
-def _build_phone(client: viser.ClientHandle, dispatch: Dispatch, is_public: bool) -> Layout:
-    gui = client.gui
-    legend, reconstruction, transport = SceneLegend(is_phone=True), Reconstruction(), TimelinePanel()
-    for panel in (legend, reconstruction, transport):
-        panel.build(gui, dispatch)
-    folded: tuple[tuple[str, Panel], ...] = (
-        ("Events", EventPicture()),
-        ("Time bins", Voxels()),
-        *(() if is_public else (("Recording", RecordingPanel()),)),
-        ("Attention", AttentionPanel()),
-        *(() if is_public else (("Inside", InspectPanel()), ("Compare", ComparePanel()), ("Take away", ExportPanel()))),
-    )
-    for title, panel in folded:
-        with gui.add_panel().add_tab(title):
-            panel.build(gui, dispatch)
-    panels = (transport, reconstruction, *(panel for _, panel in folded), legend)
-    return Layout(client, panels, legend, True)
-
-
-def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Intent | Message], None]) -> None:
-    for label, key, intent in COMMANDS:
+def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None]) -> None:
+    for label, key, intent in (*COMMANDS, ("Shortcuts and glossary", None, AskHelp())):
         command = gui.add_command(label, hotkey=key)  # pyright: ignore[reportArgumentType]  a key of viser's list
 
-        def speak(intent: ask.Intent = intent) -> Callable[[viser.CommandEvent], object]:
+        def speak(intent: Any = intent) -> Callable[[viser.CommandEvent], object]:
             async def heard(event: viser.CommandEvent) -> None:
                 if event.client is not None:
                     dispatch(intent)
@@ -199,9 +153,3 @@ def _add_commands(gui: viser.GuiApi, dispatch: Dispatch, hear: Callable[[ask.Int
             return heard
 
         command.on_trigger(speak())  # pyright: ignore[reportArgumentType]
-    help_command = gui.add_command("Keys and words")
-
-    @help_command.on_trigger
-    async def _(event: viser.CommandEvent) -> None:
-        if event.client is not None:
-            hear(AskHelp())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from app.catalogue.part_id import whole_id
 from app.catalogue.visitor import VisitorCatalogue
@@ -53,7 +54,7 @@ class RecordingLoader:
         """How much of the file on show is indexed by now; `None` where it is all there."""
         return None if self._opened is None else self._opened.share
 
-    def take(self, item: Opened | Unopened | Opening, state: ViewState) -> tuple[tuple[ask.Intent, ...], str]:
+    def take(self, item: Opened | Unopened | Opening, state: ViewState) -> tuple[tuple[Any, ...], str]:
         """Fold one letter of the opener: what follows for the view, and what is to be said of a failure."""
         if isinstance(item, Opening):
             if item.plan.recording_id == _plan_of(state).recording_id and self.moment(state) is None:
@@ -76,7 +77,7 @@ class RecordingLoader:
         self._opened, self._refused, self.trouble = None, item.plan, item.message
         return (), item.message
 
-    def grow(self, state: ViewState) -> tuple[bool, ask.Intent | None]:
+    def grow(self, state: ViewState) -> tuple[bool, Any | None]:
         """Take in what a recording that is still being made has become: whether it has, and what follows."""
         held = self._of(state)
         if held is None or held.recording.latest is None:
@@ -91,7 +92,7 @@ class RecordingLoader:
         self._opened = replace(held, recording=recording, windows=windows)
         return True, self._nearer(state, self._opened)
 
-    def _nearer(self, state: ViewState, held: Opened) -> ask.Intent | None:
+    def _nearer(self, state: ViewState, held: Opened) -> Any | None:
         """On to the moment that was asked for, as far as it is made; not where the visitor has gone elsewhere."""
         if self._aims_at is None or state.index != self._aims_at[1] or state.is_playing:
             self._aims_at = None

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from app.engine.requests import Reply
-from app.session.channel import Hello, RemoveFile, Resized
 from app.session.jobs import JobNews
 from app.session.lanes import LanePlanned, LaneReply
 from app.session.opening import Opened, Opening, Unopened
-from app.session.visit import Shown
-from app.state import intents as ask
 
 
 @dataclass(frozen=True, slots=True)
 class CanvasChanged:
-    """The canvas has another shape; the camera must be placed anew."""
+    """The canvas has another shape; the camera must be placed again."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandedOver:
-    """News of the files that the visitor hands over; `arrived` is the id of one that can be opened now, or ""."""
+    """News of the files that the visitor uploads; `arrived` is the id of one that can be opened now, or ""."""
 
     arrived: str
 
@@ -31,4 +29,5 @@ class Closed:
 
 
 News = Reply | JobNews | LanePlanned | LaneReply | Opening | Opened | Unopened
-Item = ask.Intent | Hello | Resized | Shown | RemoveFile | HandedOver | News | CanvasChanged | Closed
+Item = Any
+"""An intent, or a message: `Hello`, `Resized`, `RemoveFile`, `HandedOver`, `CanvasChanged`, `Closed`, news."""

@@ -8,9 +8,9 @@ from functools import partial
 
 from app.catalogue.part_id import known_as
 from app.catalogue.recordings import suited_policy
+from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.growth import grown_plan
-from app.engine.threads import THREADS
 from app.html.moment import Moment
 from app.state.view_state import Limits
 from app.views.timeline.html import curve_of

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import viser
 
 from app.state.stored import from_text, to_text
-from app.state.view_state import ViewState
+from app.state.view_state import Slice, ViewState
 
 PATIENCE = 2.0
 """Seconds to wait for the browser's answer."""
@@ -17,9 +18,10 @@ BETWEEN_WRITES = 0.7
 class SavedView:
     """Reads and writes one tab's view. `default.recording_id` is part of the key: another start has other views."""
 
-    def __init__(self, client: viser.ClientHandle, default: ViewState) -> None:
+    def __init__(self, client: viser.ClientHandle, default: ViewState, initial: Sequence[Slice]) -> None:
         self._client = client
         self._default = default
+        self._initial = initial
         self._tab: int | None = None
         self._kept = ""
         self._kept_at = 0.0
@@ -36,7 +38,7 @@ class SavedView:
             text = self._client.local_storage.get_item(self._key, timeout=PATIENCE)
         except (TimeoutError, RuntimeError):
             return self._default, ()
-        return (self._default, ()) if text is None else from_text(text, self._default)
+        return (self._default, ()) if text is None else from_text(text, self._default, self._initial)
 
     def keep(self, state: ViewState) -> bool:
         """Store the view, not more often than useful; whether it now stands in the browser."""

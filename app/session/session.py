@@ -9,18 +9,19 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import viser
 
 from app.catalogue.part_id import whole_id
+from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
+from app.engine.jobs import Job
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
-from app.engine.threads import THREADS
 from app.html.moment import Moment
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
@@ -32,15 +33,15 @@ from app.session.messages import CanvasChanged, Closed, HandedOver, Item
 from app.session.opening import Opened, Opening, Unopened
 from app.session.page import PageComposer
 from app.session.player import Player
-from app.session.questions import given_up, questions
 from app.session.saved_view import SavedView
 from app.session.visit import Shown, Visit
 from app.state import intents as ask
-from app.state.view_state import ViewState, reduce
-from app.views.compare.jobs.lanes import lane_jobs
-from app.views.scene.scene import SceneView
-from app.views.scene.space import Space
-from app.views.view import Page
+from app.state.lane import Lane
+from app.state.view_state import ViewState
+from app.views import VIEWS
+from app.views.page import LaneFrame, Page
+from app.views.reduce import reduce_views
+from app.views.view import View, open_views
 
 if TYPE_CHECKING:
     from etnet.playback.playback import CacheReport
@@ -66,9 +67,11 @@ class Session:
         engine: Engine,
         default: ViewState,
         desk: VisitorUploads | None = None,
+        views: Sequence[View] = VIEWS,
     ) -> None:
         """`desk` holds the files that he hands over; it is closed with the session."""
         self._client = client
+        self._views = views
         self._desk = desk
         self._default = default
         self._catalogue = catalogue
@@ -76,7 +79,7 @@ class Session:
         self._visitor = f"visitor-{client.client_id}"
         self._mail: SimpleQueue[Item] = SimpleQueue()
         self._state = default
-        self._keeper = SavedView(client, default)
+        self._keeper = SavedView(client, default, [view.initial for view in views])
         self._held = RecordingLoader(catalogue, self._mail.put)
         self._player = Player()
         self._answers = NewestFrames()
@@ -86,9 +89,7 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
-        self._composer = PageComposer(
-            catalogue, engine, self._answers, self._studying, self._comparing, self._held, desk
-        )
+        self._composer = PageComposer(views, catalogue, engine, self._answers, self._held, desk)
         self.drawn: tuple[float, Page] | None = None
         """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
         self._shown_index = -1
@@ -97,11 +98,10 @@ class Session:
         self._glanced_at = self._grown_at = 0.0
         self._cached: CacheReport | None = None
         self._offer: object = None
-        self._showing = Visit(client, catalogue, default)
+        self._showing = Visit(client, catalogue, default, views)
         ticket = "" if desk is None else desk.ticket
-        self._layout = build_layout(client, self._speak, self._speak, self._showing.is_public, ticket)
+        self._layout = build_layout(client, self._speak, views, self._showing.is_public, ticket)
         self._arrange()
-        self._scene = SceneView(client, self._speak, self._layout.is_phone)
         self._watch_canvas()
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
@@ -220,9 +220,7 @@ class Session:
             return
         if self._desk is not None:
             self._desk.clear()  # whoever brought it has gone
-        before, (self._state, intents) = self._state, stretch
-        if self._state is not before:
-            self._scene.put_back()  # somebody else turned it, and the preset may be the same
+        self._state, intents = stretch
         self._arrange()
         for intent in intents:
             self._reduce(intent)
@@ -253,17 +251,14 @@ class Session:
         if self._moment() is not None and self._state.policy is not None:
             self._reduce(ask.Settle(self._state.policy))  # what the link names is open already
 
-    def _reduce(self, intent: ask.Intent) -> None:
+    def _reduce(self, intent: Any) -> None:
         before = self._state
-        self._state = reduce(before, intent, self._held.limits(before))
+        self._state = reduce_views(before, intent, self._held.limits(before), self._views)
         if _arrangement(self._state) != _arrangement(before):
             self._arrange()
-        sensor = self._held.limits(before).sensor
-        if isinstance(intent, ask.ChooseCamera) and sensor is not None:
-            self._scene.place(Space(sensor), self._state.camera, again=True)
 
     def _arrange(self) -> None:
-        self._layout.arrange(*_arrangement(self._state))
+        self._layout.arrange(self._state)
 
     def _advance(self) -> None:
         if not self._is_known:
@@ -307,44 +302,57 @@ class Session:
             self._cached = cached
 
     def _push(self) -> None:
-        moment = self._moment()
+        moment, lanes = self._moment(), ()
         if moment is not None:
-            self._ask(moment)
+            lanes = self._comparing.lanes(self._state, self._compared(), moment, self._answers)
+            self._ask(moment, lanes)
         page = self._composer.page(
-            self._state, moment, self._cached, self._is_moving() or self._state.is_playing, self._is_moving()
+            self._state,
+            moment,
+            lanes,
+            self._studying.results,
+            self._cached,
+            self._is_moving() or self._state.is_playing,
+            self._is_moving(),
         )
-        self._layout.legend.tell(self._scene.show(page))
         self._layout.show(page)
         self._shown_index = self._state.index
         self._client.flush()
         self.drawn = time.monotonic(), page
 
+    def _compared(self) -> tuple[Lane, ...] | None:
+        """The runs that an open view shows beside the main one."""
+        found = (view.lanes(self._state) for view in open_views(self._state, self._views))
+        return next((lanes for lanes in found if lanes is not None), None)
+
     def _moment(self) -> Moment | None:
         return self._held.moment(self._state)
 
-    def _ask(self, moment: Moment) -> None:
+    def _ask(self, moment: Moment, lanes: tuple[LaneFrame, ...]) -> None:
+        """The frame of the moment, those of the runs, and what the open views want computed."""
         state = self._state
-        change = state.inside.change.at(state.index)
         request = FrameRequest(
-            state.recording_id,
-            state.model_id,
-            state.precision,
-            moment.policy,
-            state.index,
-            state.query is not None,
-            change.intervention,
-            change.edit,
-            change.since,
+            state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
         )
+        for view in self._views:
+            request = view.change_request(view.of(state), request)
         if self._answers.ask(request):
             self._engine.request(self._visitor, request, self._hear)
-        lanes = self._comparing.lanes(state, moment, self._answers)
-        self._comparing.ask(state, lanes)
-        if not (self._is_moving() or state.is_playing):
-            self._studying.want({**questions(state, request), **lane_jobs(state, lanes, self._num_seen)})
+        self._comparing.ask(lanes)
+        jobs = self._jobs(request, moment, lanes)
+        if self._is_moving() or state.is_playing:
+            self._studying.keep(jobs)
         else:
-            for slot in given_up(state):
-                self._studying.drop(slot)
+            self._studying.want(jobs)
+
+    def _jobs(self, request: FrameRequest, moment: Moment, lanes: tuple[LaneFrame, ...]) -> dict[str, Job]:
+        jobs: dict[str, Job] = {}
+        for view in open_views(self._state, self._views):
+            jobs.update(view.jobs(self._state, request))
+            jobs.update(view.lane_jobs(self._state, moment, lanes, self._num_seen))
+        for view in self._views:
+            jobs.update(view.background_jobs(self._state, request))
+        return jobs
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
@@ -373,5 +381,5 @@ class Session:
                 self._mail.put(CanvasChanged())
 
 
-def _arrangement(state: ViewState) -> tuple[ask.Workspace, bool]:
-    return state.workspace, state.compare.inspector != "none"
+def _arrangement(state: ViewState) -> tuple[object, ...]:
+    return state.workspace, state.tab, state.is_public

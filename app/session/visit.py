@@ -3,43 +3,49 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import viser
 
 from app.catalogue.recording_id import listed_id
 from app.catalogue.recordings import CatalogueError
 from app.catalogue.visitor import VisitorCatalogue
+from app.engine.downloads import Download, Downloaded
 from app.session.channel import AskHelp, Copied, FollowLink, Touched
+from app.session.demo import DemoScript, Throttle, intents_of, may_ask
 from app.session.jobs import JobNews
 from app.session.layout import close_modal, show_help
 from app.state import intents as ask
 from app.state.link import LinkError, from_link
-from app.state.view_state import Limits, ViewState, reduce
-from app.views.demo.script import FORBIDDEN, DemoScript, Throttle, intents_of
-from app.views.demo.state import DropExport, PointAt
-from app.views.export.jobs import SLOT, Made
-from app.views.recording.jobs.cut import SLOT as CUT
-from app.views.recording.state import DropTrim
+from app.state.view_state import Limits, ViewState
+from app.views.demo.state import PointAt
+from app.views.reduce import reduce_views
+from app.views.view import View
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
 
 Shown = AskHelp | Touched | FollowLink | Copied
 """Messages that are answered here."""
-_DONE: dict[str, ask.Intent] = {SLOT: DropExport(), CUT: DropTrim()}
-"""What follows when a file of this slot has been handed over."""
 
 
 class Visit:
     """Used by the visitor's thread, but for `hears`."""
 
-    def __init__(self, client: viser.ClientHandle, catalogue: VisitorCatalogue, default: ViewState) -> None:
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        catalogue: VisitorCatalogue,
+        default: ViewState,
+        views: Sequence[View],
+    ) -> None:
         self._client = client
         self._catalogue = catalogue
         self._default = default
-        is_public = default.show.is_demo
+        self._views = views
+        is_public = default.is_public
         self._attract = DemoScript([entry.id for entry in catalogue.entries()]) if is_public else None
         self._throttle = Throttle(time.monotonic())
         self._help: GuiModalHandle | None = None
@@ -53,17 +59,17 @@ class Visit:
         """Whether one more message of the visitor is taken. In public nobody may do more than a hand can."""
         return self._attract is None or self._throttle.takes(time.monotonic())
 
-    def permits(self, intent: ask.Intent) -> bool:
+    def permits(self, intent: Any) -> bool:
         """Whether a visitor may ask for this here."""
-        return self._attract is None or not isinstance(intent, FORBIDDEN)
+        return self._attract is None or may_ask(intent, self._views)
 
-    def touch(self) -> tuple[ask.Intent, ...]:
+    def touch(self) -> tuple[Any, ...]:
         """What follows from the visitor's doing anything: with the first touch control is his."""
         if self._attract is not None and self._attract.touch(time.monotonic()):
             return (PointAt("none"),)
         return ()
 
-    def lead(self, state: ViewState, is_up: bool) -> tuple[ViewState, tuple[ask.Intent, ...]] | None:
+    def lead(self, state: ViewState, is_up: bool) -> tuple[ViewState, tuple[Any, ...]] | None:
         """The next stretch of the show, when it is due: the view it begins from, and what it asks (see `DemoScript`).
 
         A new recording is shown as to somebody who has just come.
@@ -73,7 +79,7 @@ class Visit:
             return None
         if beat.recording_id is not None:
             close_modal(self._help)
-            state = replace(self._default, recording_id=beat.recording_id)
+            state = replace(self._default, recording_id=beat.recording_id, visit=state.visit + 1)
         return state, intents_of(beat, state)
 
     def restore(self, recalled: ViewState, refused: tuple[str, ...]) -> ViewState:
@@ -81,23 +87,26 @@ class Visit:
         known = [entry.id for entry in self._catalogue.entries()]
         models = [entry.id for entry in self._catalogue.models()]
         if listed_id(recalled.recording_id) not in known:
-            recalled = reduce(recalled, ask.OpenRecording(next(iter(known), "")), Limits())
+            recalled = self._reduced(recalled, ask.OpenRecording(next(iter(known), "")))
             refused = (*refused, "the recording")
         if recalled.model_id not in models:
-            recalled = reduce(recalled, ask.ChooseModel(models[0]), Limits())
+            recalled = self._reduced(recalled, ask.ChooseModel(models[0]))
         if refused:
             self._refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
         return recalled
 
-    def hand_over(self, found: JobNews) -> tuple[ask.Intent, ...]:
-        """Let the browser save a file that is made; the order for it is done then."""
-        made = found.result.value
-        if found.slot not in _DONE or not isinstance(made, Made):
+    def _reduced(self, state: ViewState, intent: Any) -> ViewState:
+        return reduce_views(state, intent, Limits(), self._views)
+
+    def hand_over(self, news: JobNews) -> tuple[Any, ...]:
+        """Let the browser save a file that is made; what follows."""
+        made = news.result.value
+        if not isinstance(made, Download):
             return ()
         self._client.send_file_download(made.name, made.content, save_immediately=True)
         size = f"{len(made.content) / 1e6:.1f} MB" if len(made.content) >= 1e5 else f"{len(made.content) / 1e3:.0f} kB"
-        self._client.add_notification("Made", f"{made.name}, {size}: the browser saves it.", auto_close_seconds=6.0)
-        return (_DONE[found.slot],)
+        self._client.add_notification("Export", f"{made.name}, {size}: the browser saves it.", auto_close_seconds=6.0)
+        return (Downloaded(news.slot),)
 
     def answer(self, letter: Shown, state: ViewState) -> ViewState:
         """Do what a letter asks; the view after it."""
@@ -120,7 +129,7 @@ class Visit:
     def _follow(self, value: str, state: ViewState) -> ViewState:
         """The moment that an address names; what cannot be shown here is said, and the rest is."""
         try:
-            linked, refused = from_link(value, state)
+            linked, refused = from_link(value, state, [view.initial for view in self._views])
             self._catalogue.entry(linked.recording_id)
         except LinkError as error:
             self._refuse("The moment in this address cannot be shown", str(error))
@@ -133,7 +142,8 @@ class Visit:
             linked, refused = replace(linked, model_id=state.model_id), (*refused, "the network")
         if self._attract is not None:
             linked = replace(linked, model_id=state.model_id, precision=state.precision, policy=None)
-            linked = replace(linked, inside=self._default.inside, compare=self._default.compare)
+            private = {view.name for view in self._views if not view.is_public}
+            linked = replace(linked, slices=tuple(s for s in linked.slices if s.view not in private))
         if refused:
             self._refuse("Not all of this moment could be shown", f"Left out: {', '.join(refused)}.")
         return linked

@@ -178,7 +178,7 @@ def _fit_union(members: tuple[Any, ...], value: object, metadata: Mapping[str, A
         return None
     kinds = [member for member in members if is_dataclass(member)]
     if isinstance(value, Mapping) and len(kinds) > 1:
-        kinds = [kind for kind in kinds if kind.__name__ == value.get("kind")]
+        kinds = [kind for kind in kinds if getattr(kind, "__name__", "") == value.get("kind")]
     rest = [member for member in members if member is not NoneType and not is_dataclass(member)]
     for member in (*kinds, *rest):
         try:

@@ -6,20 +6,14 @@ What a person can ask of one view stands in that view's `state.py`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar
 
 from app.engine.requests import Precision
 from app.state.view_state import Workspace
 from etnet.windows import Policy
 
-
-class Intent(Protocol):
-    """Any frozen value. One that says `pauses` also stops the player."""
-
-    @property
-    def __dataclass_fields__(self) -> dict[str, object]:
-        """Intents are dataclasses."""
-        ...
+Intent = Any
+"""Any frozen value that a reducer understands. One that says `pauses` also stops the player."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +138,13 @@ class OpenTab:
     """Open the settings of one view in the inspector column, by the view's name."""
 
     tab: str
+
+
+@dataclass(frozen=True, slots=True)
+class StageCard:
+    """Send a card of the shelf to the stage, or back."""
+
+    card: str
 
 
 @dataclass(frozen=True, slots=True)

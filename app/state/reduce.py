@@ -105,9 +105,11 @@ def _reduce_page(state: ViewState, intent: Any, limits: Limits) -> ViewState | N
             width, height = limits.sensor.width, limits.sensor.height
             return _queried(state, math.floor(x * width), math.floor(y * height), limits)
         case ask.ShowWorkspace(workspace):
-            return replace(_set(state, "workspace", workspace), tab="")
+            return replace(_set(state, "workspace", workspace), tab="", staged="")
         case ask.OpenTab(tab):
             return _set(state, "tab", tab)
+        case ask.StageCard(card):
+            return _set(state, "staged", "" if card == state.staged else card)
     return None
 
 

@@ -77,10 +77,14 @@ class ViewState:
     workspace: Workspace = "inspect"
     tab: str = text("", longest=60)
     """The view whose settings are open in the inspector column; empty takes the workspace's first."""
+    staged: str = text("", longest=60)
+    """The card that was sent from the shelf to the stage; empty leaves the stage as its workspace has it."""
     query: tuple[int, int] | None = None
     """Pixel (x, y) of the sensor that attention and inspectors are about."""
     is_public: bool = passing(False)
     """The page stands in public; it was started so, and no visitor can change that."""
+    visit: int = passing(0)
+    """Counts the visitors of a page in public; with each, everything starts over."""
     slices: tuple[Any, ...] = passing(())
     """One for each view that is not as it began, by the views' names. Read them with `of`, change them with `put`."""
 

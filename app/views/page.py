@@ -2,33 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from app.catalogue.videos import VideoShown
 from app.catalogue.visitor_uploads import UploadsShown
 from app.engine.jobs import JobResult
-from app.engine.requests import Failed, Ready, Working
+from app.engine.requests import Failed, FrameRequest, Ready, Working
+from app.html.cloud import EventCloud
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
-from app.html.tones import Tones
+from app.html.timeline_marks import Cached
+from app.state.lane import Lane
 from app.state.view_state import ViewState
-from app.views.lane_shown import LaneShown
-from app.views.timeline.html import Cached
+from etnet.windows import Window
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One entry of a list that a visitor chooses from: its id in the catalogue, and what he reads."""
+    """One entry of a list that a visitor chooses from: its id in the catalogue, and what they read."""
 
     id: str
     title: str
     subtitle: str = ""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneFrame:
+    """What has come of a run. `request` is `None` until its windows are planned; `window` is the nearest in time."""
+
+    number: int
+    """0 is the main run."""
+    lane: Lane
+    request: FrameRequest | None
+    window: Window | None
+    num_windows: int
+    model: ModelFacts
+    warm_up: int
+    ready: Ready | None = None
+    working: Working | None = None
+    failed: Failed | None = None
+    trouble: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Page:
-    """Everything that one visitor's page is drawn from. `ready` may belong to another window than the one on show."""
+    """One visitor's page at one moment. `ready` may belong to another window than the current one."""
 
     state: ViewState
     moment: Moment | None = None
@@ -36,9 +55,6 @@ class Page:
     working: Working | None = None
     failed: Failed | None = None
     cached: Cached | None = None
-    tones: Tones = field(default_factory=Tones)
-    look: AttentionLook | None = None
-    """`None` before a pixel was chosen."""
     model: ModelFacts = field(default_factory=lambda: ModelFacts("no network"))
     step_milliseconds: float | None = None
     is_moving: bool = False
@@ -50,26 +66,32 @@ class Page:
     growing: tuple[str, ...] = ()
     """Names of recordings that are being written, and will be offered."""
     results: Mapping[str, JobResult] = field(default_factory=dict)
-    """What is known of the jobs that this view wants, by slot."""
-    lanes: tuple[LaneShown, ...] = ()
-    """What is compared at this moment, the main lane first; empty while nothing is."""
+    """What is known of the jobs that the open views want, by slot."""
+    lanes: tuple[LaneFrame, ...] = ()
+    """What is compared at this moment, the main run first; empty while nothing is."""
     link: str = ""
-    """The moment on show as a value for an address; empty while it moves."""
-    desk: UploadsShown | None = None
-    """The files that this visitor handed over; `None` where nothing is taken."""
-    film: VideoShown | None = None
-    """How far the video on show is simulated; `None` for what is no video."""
-    run: Run | None = None
-    """How the command line is told of what is on show; `None` for what it cannot open."""
+    """The current moment as a value for an address; empty while it moves."""
+    uploads: UploadsShown | None = None
+    """The files that this visitor uploaded; `None` where nothing is taken."""
+    video: VideoShown | None = None
+    """How far the current video is simulated; `None` for what is no video."""
+    file_name: str = ""
+    """What the command line is told of the recording; empty for what it cannot open."""
     can_be_stated: bool = False
     """Whether the visitor may say of this recording what its file does not."""
+    areas: Mapping[str, str] = field(default_factory=dict)
+    """Where each card stands: "a" and "b" on the stage, "s1" … on the shelf."""
+    cloud: Callable[[int], EventCloud] | None = None
+    """The events of the scene in the colours of an open view."""
+    over_timeline: str = ""
+    """SVG that open views draw over the timeline."""
 
     @property
     def missed(self) -> int | None:
-        """The window whose image the one on show lags behind; `None` where each is waited for: it plays one behind."""
+        """The window whose image the current one lags behind; `None` where each is waited for: it plays one behind."""
         return None if self.state.is_playing and self.state.waits_for_frames else self.state.index
 
     @property
     def lags(self) -> bool:
-        """Whether the image on show belongs to another window than the one that is missed."""
+        """Whether the image belongs to another window than the one that is missed."""
         return self.ready is not None and self.missed not in (None, self.ready.request.index)

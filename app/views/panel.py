@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import viser
 
@@ -15,16 +15,20 @@ Dispatch = Callable[[Any], None]
 """Takes an intent; returns at once."""
 
 
-class Panel(Protocol):
-    """A part of the page."""
+class Panel:
+    """The widgets of a view. A page builds it once; what it cannot show is never asked of it."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """Lay out the widgets, once."""
-        ...
+        """Lay out what stands in the page itself, once."""
+
+    def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """Lay out its tab of the inspector column, once."""
 
     def show(self, page: Page) -> None:
-        """Draw what has changed. Called from the visitor's own thread."""
-        ...
+        """Draw what has changed in the page. Called from the visitor's own thread."""
+
+    def show_settings(self, page: Page) -> None:
+        """Draw what has changed in the tab, while it is open."""
 
 
 class Html:

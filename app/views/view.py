@@ -1,22 +1,30 @@
-"""The contract of a view: one part of the page. Session, link, stored view, layout and engine know nothing else of it."""
+"""The contract of a view, one part of the page: all that session, link, stored view and layout know of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
+from app.html.cloud import EventCloud
+from app.html.moment import Moment
+from app.state.lane import Lane
 from app.state.view_state import Limits, Slice, ViewState, Workspace
+from app.views.page import LaneFrame, Page
 from etnet.windows import Window
 
 if TYPE_CHECKING:
-    from app.state.lane import Lane
+    import viser
+
     from app.views.panel import Panel
 
 EVERYWHERE: frozenset[Workspace] = frozenset({"inspect", "attention", "compare", "recording", "demo"})
 EXPERT: frozenset[Workspace] = EVERYWHERE - {"demo"}
+NOWHERE: frozenset[Workspace] = frozenset()
+NumSeen = Callable[[FrameRequest], int]
+"""How many frames of a request's playback exist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +38,15 @@ class Here:
     def window(self) -> Window | None:
         """The current window, as far as any is known."""
         return self.limits.window(self.state.index)
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A picture of the page, by name: large on the stage or small on the shelf, in these workspaces."""
+
+    name: str
+    stage: frozenset[Workspace] = NOWHERE
+    shelf: frozenset[Workspace] = NOWHERE
 
 
 class Reducer(Protocol):
@@ -56,8 +73,20 @@ def _no_lanes(state: ViewState) -> tuple[Lane, ...] | None:
     return None
 
 
+def _no_lane_jobs(state: ViewState, moment: Moment, lanes: Sequence[LaneFrame], num_seen: NumSeen) -> Mapping[str, Job]:
+    return {}
+
+
 def _as_asked(slice_: Any, request: FrameRequest) -> FrameRequest:
     return request
+
+
+def _nothing_over(page: Page) -> str:
+    return ""
+
+
+def _no_cloud(page: Page) -> Callable[[int], EventCloud] | None:
+    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +98,13 @@ class View:
     icon: str
     """A name of viser's icons."""
     initial: Slice
-    make_panel: Callable[[], Panel]
+    make_panel: Callable[[viser.ClientHandle], Panel]
     """Imports viser: called when a page is laid out."""
-    workspaces: frozenset[Workspace] = EXPERT
-    """Where it can be seen."""
-    is_tab: bool = False
-    """Whether it stands in the inspector column, open or closed; otherwise it is always open in its workspaces."""
+    workspaces: frozenset[Workspace] = NOWHERE
+    """Where it stands in the page itself, always open."""
+    settings_in: frozenset[Workspace] = NOWHERE
+    """Where its settings are one tab of the inspector column."""
+    cards: tuple[Card, ...] = ()
     is_public: bool = False
     """Whether it is part of a page in public, where a visitor may change it."""
     reduce: Reducer = _unchanged
@@ -82,19 +112,61 @@ class View:
     """A click on HTML of its own, `data-k="name:words"` → an intent; `None` for words that it does not use."""
     jobs: Callable[[ViewState, FrameRequest], Mapping[str, Job]] = _no_jobs
     """What it wants computed, by slot; asked only while the view is open."""
+    background_jobs: Callable[[ViewState, FrameRequest], Mapping[str, Job]] = _no_jobs
+    """Files that were ordered: they are made whether the view is open or not."""
     change_request: Callable[[Any, FrameRequest], FrameRequest] = _as_asked
     """What it changes in every request for a frame: an intervention, a filter."""
     lanes: Callable[[ViewState], tuple[Lane, ...] | None] = _no_lanes
     """The runs that it shows beside the main one; `None` while it compares nothing."""
+    lane_jobs: Callable[[ViewState, Moment, Sequence[LaneFrame], NumSeen], Mapping[str, Job]] = _no_lane_jobs
+    """What it wants computed of these runs."""
+    over_timeline: Callable[[Page], str] = _nothing_over
+    """SVG that it draws over the timeline."""
+    cloud: Callable[[Page], Callable[[int], EventCloud] | None] = _no_cloud
+    """The events of the scene in colours of its own, for a number of points at most."""
 
     def of(self, state: ViewState) -> Any:
         """Its slice of a page's state."""
         return state.of(type(self.initial))
 
 
+def tabs(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
+    """The views whose settings can be opened in the inspector column, in order."""
+    return tuple(
+        view for view in views if state.workspace in view.settings_in and (view.is_public or not state.is_public)
+    )
+
+
+def open_tab(state: ViewState, views: Sequence[View]) -> View | None:
+    """The one whose settings are open: as a visitor chose, else the first."""
+    offered = tabs(state, views)
+    return next((view for view in offered if view.name == state.tab), offered[0] if offered else None)
+
+
 def open_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
-    """The views that a visitor can see: all cards of the workspace, and one tab of the inspector column."""
-    here = [view for view in views if state.workspace in view.workspaces and (view.is_public or not state.is_public)]
-    tabs = [view for view in here if view.is_tab]
-    tab = next((view for view in tabs if view.name == state.tab), tabs[0] if tabs else None)
-    return tuple(view for view in here if not view.is_tab or view is tab)
+    """The views that a visitor can see: those of the workspace, and one tab of the inspector column."""
+    tab = open_tab(state, views)
+    return tuple(
+        view
+        for view in views
+        if view is tab or (state.workspace in view.workspaces and (view.is_public or not state.is_public))
+    )
+
+
+Area = Literal["a", "b", "s1", "s2", "s3", "s4", ""]
+
+
+def areas(state: ViewState, views: Sequence[View]) -> dict[str, Area]:
+    """Where each card stands: two on the stage, the others on the shelf. A shelf card that was sent to the stage
+    changes places with the stage's second."""
+    seen = [card for view in open_views(state, views) for card in view.cards]
+    stage = [card.name for card in seen if state.workspace in card.stage][:2]
+    shelf = [card.name for card in seen if state.workspace in card.shelf and card.name not in stage]
+    if state.staged in shelf and stage:
+        place = shelf.index(state.staged)
+        stage[-1], shelf[place] = shelf[place], stage[-1]
+    shelf_areas: tuple[Area, ...] = ("s1", "s2", "s3", "s4")
+    stage_areas: tuple[Area, ...] = ("a", "b")
+    places: dict[str, Area] = dict(zip(stage, stage_areas, strict=False))
+    places.update(zip(shelf, shelf_areas, strict=False))
+    return places

@@ -13,6 +13,8 @@ from html import escape
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+STYLE_SHEETS = ("tokens", "panels", "page", "demo")
+"""In the head, where no panel of viser's can take them away."""
 TITLE = "ET-Net viewer"
 DESCRIPTION = "See what an event camera reports, what a network makes of it, and where it looks, live in the browser."
 SOCIAL_SIZE = (1200, 630)
@@ -31,6 +33,7 @@ def head_html(public_url: str | None) -> str:
         f'<meta name="viewport" content="{VIEWPORT}">',
         f"<title>{TITLE}</title>",
         '<link rel="icon" type="image/svg+xml" href="/static/icon.svg">',
+        *(f'<link rel="stylesheet" href="/static/{name}.css">' for name in STYLE_SHEETS),
         f'<meta name="description" content="{escape(DESCRIPTION)}">',
         f'<meta property="og:title" content="{TITLE}">',
         f'<meta property="og:description" content="{escape(DESCRIPTION)}">',

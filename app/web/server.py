@@ -14,7 +14,6 @@ from typing import Protocol
 from urllib.parse import urlsplit
 
 import viser
-from viser.theme import TitlebarImage
 
 from app.html.assets import page_folder
 from app.web.access import LOOPBACK, AccessControl, Handler, guarding
@@ -22,8 +21,8 @@ from app.web.idle_memory import IdleMemory, share_arenas
 from app.web.index_page import IndexPage
 from etnet.errors import EtnetError
 
-BRAND = (255, 140, 66)
-"""The hue of ON events."""
+BRAND = (185, 181, 255)
+"""The accent of the interface: no hue of polarity."""
 PORTS_TRIED = 50
 CROWDED = "This page takes a limited number of visitors at once. Please load it again in a minute."
 
@@ -95,7 +94,7 @@ def start_server(
     share_arenas()
     # viser prints a frame with addresses of its own; this program says where to look in one line.
     with guarding(guard), redirect_stdout(StringIO()):
-        server = viser.ViserServer(host=address.host, port=port, label="Look inside", verbose=False)
+        server = viser.ViserServer(host=address.host, port=port, label="ET-Net viewer", verbose=False)
     # Any page in the browser may ask viser to publish itself through a tunnel on a foreign server: never here.
     server.request_share_url = lambda verbose=True: None
     _dress(server)
@@ -104,15 +103,7 @@ def start_server(
 
 
 def _dress(server: viser.ViserServer) -> None:
-    logo = "/static/logo.svg"
-    image = TitlebarImage(image_url_light=logo, image_url_dark=logo, image_alt="ET-Net: events to video", href=None)
-    server.gui.configure_theme(
-        dark_mode=True,
-        show_logo=False,
-        show_share_button=False,
-        brand_color=BRAND,
-        titlebar_content={"buttons": None, "image": image},
-    )
+    server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND)
     server.scene.configure_default_lights(enabled=False)
     # x right, y down as on the sensor. It must stand before the first visitor's camera is placed.
     server.scene.set_up_direction("-y")

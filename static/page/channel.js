@@ -65,24 +65,44 @@
     if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey && keys[event.key]) say("key", keys[event.key]);
   });
 
-  // The theme places a legend over the scene: it must know where the scene is.
+  // viser's canvas lies over the slot of its card, wherever that stands and as long as it can be seen.
+  let placed = "";
   const place = () => {
-    const root = document.querySelector("[data-dock-root]");
-    const scene = root?.firstElementChild?.getBoundingClientRect();
-    if (!scene) return;
+    const slot = document.querySelector(".etv-scene-slot");
+    const box = slot?.checkVisibility() ? slot.getBoundingClientRect() : null;
+    const now = box && box.width > 20 ? [box.left, box.top, box.width, box.height].map(Math.round).join() : "";
+    if (now === placed) return;
+    placed = now;
     const style = document.documentElement.style;
-    style.setProperty("--etv-scene-left", `${scene.left}px`);
-    style.setProperty("--etv-scene-right", `${window.innerWidth - scene.right}px`);
-    style.setProperty("--etv-scene-top", `${scene.top}px`);
-    style.setProperty("--etv-scene-bottom", `${window.innerHeight - scene.bottom}px`);
+    for (const [i, side] of ["left", "top", "width", "height"].entries()) {
+      if (now) style.setProperty(`--scene-${side}`, `${now.split(",")[i]}px`);
+      else style.removeProperty(`--scene-${side}`);
+    }
+    window.dispatchEvent(new Event("resize")); // viser measures its canvas then
   };
-  const scene = document.querySelector("[data-dock-root]")?.firstElementChild;
-  if (scene) new ResizeObserver(place).observe(scene);
+  setInterval(place, 100);
   let waiting = 0;
   window.addEventListener("resize", () => {
-    place();
     clearTimeout(waiting);
-    waiting = setTimeout(() => say("size", ...size()), 150);
+    waiting = setTimeout(() => (place(), say("size", ...size())), 150);
+  });
+
+  // The list of recordings: what is typed leaves out what does not match; a choice, Escape or a click elsewhere closes it.
+  const list = () => document.querySelector(".etv-recordings[open]");
+  document.addEventListener("input", (event) => {
+    if (!event.target.closest?.(".etv-list")) return;
+    const words = event.target.value.toLowerCase().split(" ");
+    for (const row of event.target.closest(".etv-list").querySelectorAll("button")) {
+      row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
+    }
+  });
+  document.addEventListener("click", (event) => {
+    const open = list();
+    if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) open.open = false;
+    else if (open) open.querySelector("input").focus();
+  });
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Escape" && list()) list().open = false;
   });
 
   // A moment as a link: C copies the address of what is on show. The address that this page was opened by is told

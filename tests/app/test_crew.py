@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.engine.threads import ThreadPool
+from app.catalogue.threads import ThreadPool
 
 
 def follow_one_another(crew, num, work):

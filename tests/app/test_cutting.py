@@ -17,11 +17,11 @@ from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.session.channel import parse
+from app.session.demo import FORBIDDEN
 from app.session.questions import given_up
 from app.state import intents as ask
 from app.state.stored import from_text, to_text
 from app.state.view_state import Limits, ViewState, reduce
-from app.views.demo.script import FORBIDDEN
 from app.views.export.jobs import Made
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.jobs.cut import SLOT, Cutting, trim_jobs

@@ -8,11 +8,11 @@ import torch
 
 from app.engine.jobs import JobResult
 from app.engine.requests import Ready
+from app.html.attention.links import links_of
+from app.html.attention.maps import AttentionLook
 from app.html.moment import Moment
-from app.html.pictures import Tones
+from app.html.tones import Tones
 from app.state.view_state import ViewState
-from app.views.attention.html.links import links_of
-from app.views.attention.html.maps import AttentionLook
 from app.views.attention.html.tools import attention_tools_html, pinned_html
 from app.views.inspect import state as inside_view
 from app.views.inspect.html.attribution import traced_cloud, traced_html
@@ -36,7 +36,7 @@ from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
 from tests.inspection.small import SENSOR, small_playback
 
-from .checked_html import PICK, Checker
+from .checked_html import Checker
 from .inside_stage import POLICY, QUERY, SITE, loaded_of, request_of, whole
 
 
@@ -111,7 +111,7 @@ def page_of(state, moment, ready, **results):
 
 def test_every_part_has_a_row_and_the_verdict_names_what_decides(loaded):
     found = whole(parts.ImportanceJob(request_of(4)), loaded)
-    page = Checker(matters_html(found, "key", query=QUERY, on_pick=PICK))
+    page = Checker(matters_html(found, "key", query=QUERY))
     assert len(page.by_testid("part")) == len(found)
     assert len(page.by_testid("verdict")) == 1
     x, y = QUERY
@@ -141,9 +141,7 @@ def test_a_switched_button_says_so_and_everything_can_be_put_back(loaded):
     change = Change(
         Intervention(removed_skips=frozenset({1}), masked_heads=frozenset({(SITE, 2)})), EventEdit(drop=0.5)
     )
-    html = change_html(
-        anatomy, change, index=4, site=SITE, outcome=None, key=None, tones=Tones(), is_whole=False, on_pick=PICK
-    )
+    html = change_html(anatomy, change, index=4, site=SITE, outcome=None, key=None, tones=Tones(), is_whole=False)
     page = Checker(html)
     pressed = {attrs["data-k"] for _, attrs in page.tags if attrs.get("aria-pressed") == "true"}
     assert {
@@ -169,17 +167,17 @@ def test_a_network_without_attention_or_memory_says_so(moment):
 def test_a_map_pinned_twice_differs_from_itself_by_nothing(ready):
     pinned = PinnedMap(SITE, None, "mean", QUERY)
     view = InspectState(pin_a=pinned, pin_b=pinned)
-    page = Checker(pinned_html(ready, AttentionLook(QUERY), view, PICK))
+    page = Checker(pinned_html(ready, AttentionLook(QUERY), view))
     assert "A and B share 100 % of their weight." in page.text
     other = replace(view, pin_b=replace(pinned, site="scale1.encoder.0.self", head=1))
     assert len(page.by_testid("a-minus-b")) == 1
-    assert "head 2" in Checker(pinned_html(ready, AttentionLook(QUERY), other, PICK)).text
-    assert pinned_html(ready, AttentionLook(QUERY), InspectState(), PICK) == ""
+    assert "head 2" in Checker(pinned_html(ready, AttentionLook(QUERY), other)).text
+    assert pinned_html(ready, AttentionLook(QUERY), InspectState()) == ""
 
 
 def test_the_tools_pin_the_map_that_is_opened(ready):
     look = AttentionLook(QUERY, head=2)
-    page = Checker(attention_tools_html(InspectState(), look, site=SITE, on_pick=PICK))
+    page = Checker(attention_tools_html(InspectState(), look, site=SITE))
     pinned = next(key for key in page.keys if key.startswith("inside:pin:a:"))
     assert inside_view.heard(pinned.removeprefix("inside:")) == PinMap("a", PinnedMap(SITE, 2, "mean", QUERY))
 
@@ -192,13 +190,13 @@ def test_heads_are_sorted_by_what_was_asked_for(ready):
     numbers = map_numbers(ready.attention.rows(SITE, [token]), ready.attention.grid, [token])
     for order, best in (("entropy", numbers.entropy.argmin()), ("distance", numbers.distance.argmax())):
         look = AttentionLook(QUERY, order=order)
-        page = Checker(attention_html(ready, look, opened=SITE, on_pick=PICK))
+        page = Checker(attention_html(ready, look, opened=SITE))
         heads = [key for key in page.keys if key.startswith("head:") and key != "head:mean"]
         assert heads[0] == f"head:{int(best)}"
 
 
 def test_who_reads_a_token_is_its_column_of_the_map(ready):
-    from app.views.attention.html.maps import rows_of
+    from app.html.attention.maps import rows_of
 
     token = ready.attention.grid.token_at(*QUERY)
     all_rows = ready.attention.rows(SITE, range(ready.attention.grid.num_tokens))
@@ -216,7 +214,7 @@ def test_the_cloud_holds_the_events_that_the_pixel_owes_most(loaded):
     place = int(np.abs(strongest.weights).argmax())
     where = (strongest.events.x[place] + 0.5, strongest.events.y[place] + 0.5)
     assert any(np.allclose(spot[:2], where) for spot in cloud.positions)
-    assert "within 16 pixels" in Checker(traced_html(traced, job, 2, PICK)).text
+    assert "within 16 pixels" in Checker(traced_html(traced, job, 2)).text
 
 
 def test_the_given_tensor_shows_every_event_of_the_pixel_and_its_votes(loaded, moment):

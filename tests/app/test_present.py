@@ -5,9 +5,10 @@ import pytest
 
 from app.engine.requests import Failed, Ready, Working
 from app.html import pictures
+from app.html.attention.maps import AttentionLook
+from app.html.cloud import event_cloud
 from app.html.moment import ARRAYS, PICTURES, Moment
 from app.html.pictures import (
-    Tones,
     camera_frame_html,
     camera_image,
     event_image_html,
@@ -16,15 +17,14 @@ from app.html.pictures import (
     reconstruction_image,
 )
 from app.html.provenance import ModelFacts, provenance_html
+from app.html.tones import Tones
 from app.html.units import seconds
 from app.state.view_state import ViewState
 from app.views.attention.html import grid
 from app.views.attention.html.grid import attention_html, attention_image, sites_behind
-from app.views.attention.html.maps import AttentionLook
 from app.views.demo.state import DemoState
 from app.views.inspect.state import InspectState
 from app.views.reconstruction.panel import reconstruction as reconstruction_panel
-from app.views.scene.points import event_cloud
 from app.views.scene.scene import picture_of
 from app.views.timeline.html import curve_of, now_html, timeline_html, timeline_key_html
 from app.views.view import Page
@@ -37,7 +37,7 @@ from etnet.nets.runtime import contract_of
 from etnet.playback.playback import Playback
 from etnet.windows import ByDuration, plan_windows
 
-from .checked_html import PICK, Checker
+from .checked_html import Checker
 from .fakes import POLICY, recording_of, request
 
 EVIL = '<img src=x onerror="alert(1)">'
@@ -84,7 +84,7 @@ def test_the_curve_of_a_plan_that_grows_grows_with_it(recording):
 
 
 def test_reconstruction_shows_the_frame_and_what_may_be_claimed_of_it(ready):
-    page = Checker(reconstruction_html(ready, tones=TONES, query=(10, 5), on_pick=PICK))
+    page = Checker(reconstruction_html(ready, tones=TONES, query=(10, 5)))
     assert page.keys == ["pixel"]
     assert "exact" in page.text
     assert len(page.by_testid("chip-exact")) == 1
@@ -162,7 +162,7 @@ def test_the_camera_frame_is_the_nearest_one(moment):
     grey, stamp = camera_image(moment, TONES)
     assert grey.shape == (37, 50)
     assert abs(stamp - moment.window.t_stop) <= 10_000
-    page = Checker(camera_frame_html(moment, tones=TONES, on_pick=PICK))
+    page = Checker(camera_frame_html(moment, tones=TONES))
     assert page.keys == ["pixel"]
     assert "this window ends" in page.text
 
@@ -176,7 +176,7 @@ def test_a_recording_without_a_camera_says_so():
 
 @pytest.mark.parametrize("style_name", ["polarity", "count", "time surface", "decay"])
 def test_the_event_image_counts_both_polarities(moment, style_name):
-    page = Checker(event_image_html(moment, style_name, on_pick=PICK))
+    page = Checker(event_image_html(moment, style_name))
     num_on = int((moment.events.p > 0).sum())
     assert f"brighter (ON) {num_on}" in page.text
     assert f"darker (OFF) {50 - num_on}" in page.text
@@ -186,14 +186,14 @@ def test_the_event_image_counts_both_polarities(moment, style_name):
 
 
 def test_voxel_tiles_are_five_in_a_row_with_a_legend_in_numbers(moment):
-    page = Checker(voxel_html(moment, on_pick=PICK))
+    page = Checker(voxel_html(moment))
     assert page.keys == [f"bin:{i}" for i in range(5)]
     assert "≥ +" in page.text
     assert "38–62 %" in page.text
 
 
 def test_an_opened_bin_is_shown_large_and_can_be_closed(moment):
-    page = Checker(voxel_html(moment, 2, on_pick=PICK))
+    page = Checker(voxel_html(moment, 2))
     assert page.keys[-1] == "bin:"
     images = [attrs for tag, attrs in page.tags if tag == "img"]
     assert images[-1]["width"] == "50"
@@ -218,7 +218,7 @@ def test_an_empty_window_explains_itself():
 
 
 def test_the_attention_grid_has_every_site_once_in_its_row_and_column(ready):
-    page = Checker(attention_html(ready, LOOK, on_pick=PICK))
+    page = Checker(attention_html(ready, LOOK))
     assert sorted(page.keys) == sorted(f"site:{name}" for name in ready.attention.sites)
     for name in ready.attention.sites:
         assert len(page.by_testid(name)) == 1
@@ -242,7 +242,7 @@ def test_the_query_is_marked_on_every_map_at_its_token(ready):
 
 def test_an_opened_site_shows_its_heads_and_the_large_map_in_sensor_pixels(ready):
     name = "scale2.decoder.0.cross"
-    page = Checker(attention_html(ready, LOOK, opened=name, on_pick=PICK))
+    page = Checker(attention_html(ready, LOOK, opened=name))
     heads = ready.attention.queries[name].shape[0]
     assert page.keys == ["heads:close", "head:mean", "pixel", *[f"head:{i}" for i in range(heads)]]
     assert "cross-attention: 1/4 reads 1/8" in page.text
@@ -296,7 +296,7 @@ def test_one_head_and_the_mean_differ_in_their_pictures(ready):
 
 def test_the_timeline_runs_over_windows_as_the_slider_does(moment):
     cached = type("Cached", (), {"frames": (range(2, 4),), "states": (range(6),)})()
-    page = Checker(timeline_html(moment, cached, on_pick=PICK))
+    page = Checker(timeline_html(moment, cached))
     assert page.keys == ["time"]
     boxes = [attrs for tag, attrs in page.tags if tag == "rect"]
     unit = 1000 / 11
@@ -335,10 +335,10 @@ def test_the_cloud_is_thinned_evenly_and_newest_events_have_age_zero(moment):
 
 
 def test_pictures_are_made_once_for_all_visitors(moment, ready, monkeypatch):
-    first = event_image_html(moment, "polarity", on_pick=PICK)
+    first = event_image_html(moment, "polarity")
     again = Moment("r", POLICY, 4, moment.recording, moment.windows)
     monkeypatch.setattr(pictures, "event_image", None)
-    assert event_image_html(again, "polarity", on_pick=PICK) is first
+    assert event_image_html(again, "polarity") is first
 
 
 def test_another_moment_is_another_picture(moment):

@@ -9,8 +9,8 @@ import pytest
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest, Ready
 from app.html.moment import Moment
-from app.html.pictures import Tones
 from app.html.provenance import ModelFacts
+from app.html.tones import Tones
 from app.views.compare.html.lane import LaneShown, Truth
 from app.views.compare.html.lanes import box_of, lanes_html
 from app.views.compare.html.scores import Series, curves_over, scores_html, trace
@@ -103,7 +103,7 @@ def series(moment, number, values, share=1.0):
 
 def test_the_worst_frames_lead_to_their_moments(moment):
     view = CompareState("scores")
-    html = scores_html(moment, [series(moment, 0, [0.3, 0.9, np.nan, 0.5])], view, on_pick='data-pick="1"')
+    html = scores_html(moment, [series(moment, 0, [0.3, 0.9, np.nan, 0.5])], view)
     start = moment.recording.span.start
     seconds = [f"goto:{(moment.windows[i].t_stop - start) / 1e6:.6f}" for i in (1, 3, 0)]
     assert re.findall(r"goto:[\d.]+", html) == seconds

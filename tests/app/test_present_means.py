@@ -7,13 +7,11 @@ import pytest
 from app.engine.byte_cache import ByteCache
 from app.html import style
 from app.html import units as words
+from app.html.attention.maps import site_words
 from app.html.elements import empty, picture
 from app.html.style import STYLE
 from app.views.attention.html.grid import Site
-from app.views.attention.html.maps import site_words
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration
-
-from .checked_html import PICK
 
 
 def test_the_store_never_grows_past_its_budget():
@@ -58,7 +56,7 @@ def test_the_style_sheet_knows_three_sizes_of_type():
 
 def test_pick_attributes_are_there_only_when_asked():
     assert "data-k" not in picture("u", "a", key="k")
-    assert 'data-k="k" data-pick="1"' in picture("u", "a", key="k", on_pick=PICK)
+    assert 'data-k="k" data-pick="1"' in picture("u", "a", key="k")
     assert "&lt;b&gt;" in empty("<b>", "x")
 
 

@@ -12,12 +12,8 @@ from hypothesis import strategies as st
 
 from app.config import ConfigError, ViewerConfig
 from app.engine.requests import FrameRequest
-from app.state import intents as ask
-from app.state.link import LONGEST, LinkError, from_link, to_link
-from app.state.view_state import Limits, ViewState, reduce
-from app.views.compare.state import CompareState, Lane
-from app.views.demo import script as attract
-from app.views.demo.script import (
+from app.session import demo as attract
+from app.session.demo import (
     BURST,
     IDLE,
     MOST_MESSAGES,
@@ -28,6 +24,10 @@ from app.views.demo.script import (
     public_view,
     steps_of,
 )
+from app.state import intents as ask
+from app.state.link import LONGEST, LinkError, from_link, to_link
+from app.state.view_state import Limits, ViewState, reduce
+from app.views.compare.state import CompareState, Lane
 from app.views.demo.state import PointAt
 from app.views.inspect.state import Switch
 from etnet.events.events import Sensor

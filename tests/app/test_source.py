@@ -14,9 +14,9 @@ from app.engine.jobs import JobResult, num_bytes
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.session.channel import parse
+from app.session.demo import FORBIDDEN
 from app.state.stored import from_text, to_text
 from app.state.view_state import Limits, ViewState, reduce
-from app.views.demo.script import FORBIDDEN
 from app.views.recording.html.examination import doctor_html
 from app.views.recording.jobs.examination import SLOT, DoctorStudy, examination_jobs
 from app.views.recording.panel import GONE
@@ -83,7 +83,7 @@ def test_other_words_of_a_page_change_nothing():
 
 
 def test_the_page_says_the_numbers_that_were_found(moment):
-    html = doctor_html(moment, examined(moment.recording), on_pick="data-pick")
+    html = doctor_html(moment, examined(moment.recording))
     exam = examine(moment.recording)
     assert told(html, "Sensor") == "40 × 30 pixels"
     assert told(html, "Events").startswith("6,000; ")
@@ -114,7 +114,7 @@ def test_a_hot_pixel_is_named_and_a_click_goes_there():
     x[::4], y[::4] = 7, 5
     hot = recording_of_events(Events(x, y, events.t, events.p, events.sensor), "hot")
     found = Moment("hot", ByCount(100), 0, hot, plan_windows(hot, ByCount(100)))
-    html = doctor_html(found, examined(hot), on_pick="data-pick")
+    html = doctor_html(found, examined(hot))
     assert 'data-k="at:7,5"' in html
     assert "1 hot pixel makes" in html
 

@@ -4,7 +4,7 @@ import pytest
 
 from app.config import ViewerConfig
 from app.main import Viewer
-from app.views.demo import script as attract
+from app.session import demo as attract
 from tests.browser.chromium import PATIENCE, open_page
 from tests.browser.conftest import ROI
 

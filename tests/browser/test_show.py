@@ -6,7 +6,7 @@ import urllib.request
 
 from app.config import ViewerConfig
 from app.main import Viewer
-from app.views.demo import script as attract
+from app.session import demo as attract
 from tests.browser.chromium import PATIENCE, open_page, until_window
 from tests.browser.conftest import ROI
 

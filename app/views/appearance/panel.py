@@ -1,44 +1,34 @@
-"""How the page is arranged and from where the scene is looked at."""
+"""The bar above the page, and the tab of how pictures are drawn."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import viser
 
 from app.state import intents as ask
-from app.state.view_state import choices
-from app.views.view import Dispatch, Page, assign, on_visitor
+from app.views.appearance.html import bar_html, display_html
+from app.views.page import Page
+from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
+from app.views.scene.state import SceneState
 
-WORKSPACES: dict[str, ask.Workspace] = {"Inspect": "inspect", "Attention": "attention", "Demo": "demo"}
-CAMERAS: dict[str, ask.Camera] = {"In depth": "orbit", "Front": "front", "Side": "side"}
 
-
-class ViewPanel:
-    """Workspace, camera, what stands in the scene."""
+class AppearancePanel(Panel):
+    """The bar is one element; it is sent only when something in it changes."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """Buttons that are also keys and commands."""
-        self._workspace = gui.add_button_group("Workspace", tuple(WORKSPACES))
-        self._camera = gui.add_button_group("Camera", tuple(CAMERAS))
+        """The bar."""
+        self._bar = Html(gui)
+
+    def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """How pictures are drawn."""
+        self._display = Html(gui)
         self._events = gui.add_checkbox("Events in the scene", True)
-
-        @self._workspace.on_click
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None and event.target.value in WORKSPACES:
-                dispatch(ask.ShowWorkspace(WORKSPACES[event.target.value]))
-
-        @self._camera.on_click
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None and event.target.value in CAMERAS:
-                dispatch(ask.ChooseCamera(CAMERAS[event.target.value]))
-
-        on_visitor(self._events, lambda value: ask.ShowEvents(bool(value)), dispatch)
+        on_visitor(self._events, lambda value: ask.Set("scene", "shows_events", bool(value)), dispatch)
 
     def show(self, page: Page) -> None:
-        """Only the checkbox holds a value."""
-        assign(self._events, page.state.shows_events)
+        """Say what is open and how it was made."""
+        self._bar.show(bar_html(page))
 
-
-assert set(WORKSPACES.values()) == set(choices(ask.Workspace))
-assert set(CAMERAS.values()) == set(choices(ask.Camera))
+    def show_settings(self, page: Page) -> None:
+        """Set the choices to what is so."""
+        self._display.show(display_html(page))
+        assign(self._events, page.state.of(SceneState).shows_events)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast, get_args
 
+from app.html.attention.look import AttentionLook, Direction, Gather, MapRange, Order
 from app.state import intents as ask
 from app.state.checks import checked, number, passing, restored, text, whole
+from app.state.view_state import ViewState
+from app.views.reconstruction.state import tones_in
 from app.views.view import Here
 
-Gather = Literal["mean", "max", "min"]
-Order = Literal["network", "entropy", "distance"]
-Direction = Literal["reads", "read by"]
-MapRange = Literal["shared", "per map"]
+if TYPE_CHECKING:
+    from app.views.page import Page
+
 Pin = Literal["a", "b"]
 SITE_PATTERN = r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)"
 MOST_HEADS = 64
@@ -123,3 +125,27 @@ def _pinned(words: str) -> PinnedMap | None:
 
 def _whole(word: str) -> object:
     return int(word) if word.isascii() and word.isdecimal() and len(word) < 7 else word
+
+
+def look_in(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
+    """How a visitor looks at attention; `None` before a pixel is chosen."""
+    if state.query is None:
+        return None
+    slice_ = state.of(AttentionState)
+    return AttentionLook(
+        state.query,
+        slice_.head,
+        slice_.overlay,
+        slice_.map_range,
+        tones_in(state, is_linear_light),
+        slice_.gather,
+        slice_.order,
+        slice_.direction if slice_.opens_heads else "reads",
+        slice_.is_linear,
+        slice_.is_smooth,
+    )
+
+
+def look_of(page: Page) -> AttentionLook | None:
+    """How a visitor looks at the attention of the page's network."""
+    return look_in(page.state, page.model.is_linear_light)

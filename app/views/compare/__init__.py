@@ -1,0 +1,38 @@
+"""Runs beside each other at one moment, and their scores over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.views.compare.jobs.lanes import lane_jobs
+from app.views.compare.over_timeline import over_timeline
+from app.views.compare.state import CompareState, compared_lanes, hear, reduce_compare
+from app.views.view import Card, View
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.views.panel import Panel
+
+
+def _panel(client: viser.ClientHandle) -> Panel:
+    from app.views.compare.panel import ComparePanel
+
+    return ComparePanel()
+
+
+VIEW = View(
+    "compare",
+    "Runs",
+    "COLUMNS_3",
+    CompareState(),
+    _panel,
+    workspaces=frozenset({"compare"}),
+    settings_in=frozenset({"compare"}),
+    cards=(Card("compare", stage=frozenset({"compare"})),),
+    reduce=reduce_compare,
+    hear=hear,
+    lanes=compared_lanes,
+    lane_jobs=lane_jobs,
+    over_timeline=over_timeline,
+)

@@ -6,43 +6,42 @@ from typing import Any
 
 import viser
 
-from app.session.channel import ON_PICK
+from app.engine.requests import Precision
+from app.html.card import card
+from app.html.choices import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
 from app.state import intents as ask
+from app.state.lane import Lane
+from app.views.compare.html.lane import lanes_of
 from app.views.compare.html.lanes import lanes_html
-from app.views.compare.html.scores import TITLES, Series, scores_html, series_of
-from app.views.compare.jobs.lanes import slot_of
+from app.views.compare.html.scores import TITLES, scores_html
+from app.views.compare.jobs.lanes import scored, slot_of
+from app.views.compare.over_timeline import lane_series
 from app.views.compare.state import (
     ZOOMS,
     ChangeLane,
-    ChangeSight,
     CompareState,
     Inspector,
-    Lane,
     Measure,
-    OpenInspector,
     Rule,
     Sight,
     StartCold,
 )
-from app.views.recording.html.fitness import fitness_html
-from app.views.recording.jobs.fitness import SLOT
-from app.views.recording.panel import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
-from app.views.view import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
+from app.views.page import Choice, Page
+from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched
 from etnet.events.denoise import UNCLEANED, Cleaning
 
 INSPECTORS: dict[str, Inspector] = {
     "nothing": "none",
-    "lanes at this moment": "lanes",
+    "runs at this moment": "lanes",
     "scores over time": "scores",
-    "what kind of recording this is": "fit",
 }
 SIGHTS: dict[str, Sight] = {
     "side by side": "side by side",
-    "wiped over each other": "wipe",
-    "their difference": "difference",
-    "error against the camera": "error",
+    "swipe": "wipe",
+    "difference": "difference",
+    "error vs ground truth": "error",
 }
-AS_MAIN = "as lane A"
+AS_MAIN = "as run A"
 RULES: dict[str, Rule] = {"paper (ET-Net)": "paper", "EVREAL": "evreal"}
 CLEANINGS: dict[str, Cleaning] = {
     "as recorded": UNCLEANED,
@@ -54,42 +53,44 @@ CLEANINGS: dict[str, Cleaning] = {
 MEASURES: dict[str, Measure] = {title: name for name, title in TITLES.items()}  # pyright: ignore[reportAssignmentType]
 
 
-class ComparePanel:
-    """One dropdown opens an inspector; only its widgets are shown."""
+class ComparePanel(Panel):
+    """The runs fill the stage; their settings stand in the inspector column."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """What is looked at, the picture of it, then the chosen lane's settings."""
+        """One card for all runs."""
+        self._body = Html(gui)
+
+    def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """What is looked at, how it is shown and scored, then the chosen run's settings."""
         self._inspector = gui.add_dropdown("Compare", tuple(INSPECTORS))
         self._sight = gui.add_dropdown("Show", tuple(SIGHTS))
-        self._measure = gui.add_dropdown("Measure", tuple(MEASURES))
-        self._replays = gui.add_checkbox("Protocol’s own cut", False)
-        self._wipe = gui.add_slider("Wipe", 0.0, 1.0, 0.01, 0.5)
-        self._body = Html(gui)
+        self._measure = gui.add_dropdown("Metric", tuple(MEASURES))
+        self._replays = gui.add_checkbox("Protocol’s own range", False)
+        self._wipe = gui.add_slider("Swipe", 0.0, 1.0, 0.01, 0.5)
         self._build_lane(gui, dispatch)
         self._zoom = gui.add_dropdown("Zoom", tuple(f"{zoom}×" for zoom in ZOOMS))
-        self._rule = gui.add_dropdown("Scored by", tuple(RULES))
-        self._offset = gui.add_number("Camera’s clock, ms later", 0.0, min=-1000.0, max=1000.0, step=0.5)
-        sees = ChangeSight
-        on_visitor(self._inspector, lambda text: OpenInspector(INSPECTORS[text]), dispatch)
-        on_visitor(self._sight, lambda text: sees("sight", SIGHTS[text]), dispatch)
-        on_visitor(self._measure, lambda text: sees("measure", MEASURES[text]), dispatch)
-        on_visitor(self._replays, lambda value: sees("replays", bool(value)), dispatch)
-        on_visitor(self._wipe, lambda value: sees("wipe", float(value)), dispatch)
-        on_visitor(self._zoom, lambda text: sees("zoom", int(text.rstrip("×"))), dispatch)
-        on_visitor(self._rule, lambda text: sees("rule", RULES[text]), dispatch)
-        on_visitor(self._offset, lambda value: sees("offset", round(float(value) * 1000)), dispatch)
+        self._rule = gui.add_dropdown("Metric protocol", tuple(RULES))
+        self._offset = gui.add_number("Frame–event offset (ms)", 0.0, min=-1000.0, max=1000.0, step=0.5)
+        on_visitor(self._inspector, lambda text: _set("inspector", INSPECTORS[text]), dispatch)
+        on_visitor(self._sight, lambda text: _set("sight", SIGHTS[text]), dispatch)
+        on_visitor(self._measure, lambda text: _set("measure", MEASURES[text]), dispatch)
+        on_visitor(self._replays, lambda value: _set("replays", bool(value)), dispatch)
+        on_visitor(self._wipe, lambda value: _set("wipe", float(value)), dispatch)
+        on_visitor(self._zoom, lambda text: _set("zoom", int(text.rstrip("×"))), dispatch)
+        on_visitor(self._rule, lambda text: _set("rule", RULES[text]), dispatch)
+        on_visitor(self._offset, lambda value: _set("offset", round(float(value) * 1000)), dispatch)
 
     def _build_lane(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         self._models: dict[str, str] = {}
         self._lane = Html(gui)
         self._model: viser.GuiDropdownHandle[Any] = gui.add_dropdown("Network ", (AS_MAIN,))
-        self._kind = gui.add_dropdown("Windows by ", (AS_MAIN, *KINDS))
-        self._number = gui.add_number("Each holds ", 0.35, min=0.0001)
-        self._precision = gui.add_dropdown("Arithmetic ", (AS_MAIN, *PRECISIONS.values()))
-        self._cleaning = gui.add_dropdown("Events", tuple(CLEANINGS))
+        self._kind = gui.add_dropdown("Windowing ", (AS_MAIN, *KINDS))
+        self._number = gui.add_number("Size ", 0.35, min=0.0001)
+        self._precision = gui.add_dropdown("Precision ", (AS_MAIN, *PRECISIONS.values()))
+        self._cleaning = gui.add_dropdown("Filter", tuple(CLEANINGS))
         self._cold = gui.add_checkbox("Cold start here", False)
         self._of_lane = (self._model, self._kind, self._number, self._precision, self._cleaning, self._cold)
-        arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
+        arithmetic: dict[str, Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._model, lambda title: ChangeLane("model_id", self._models.get(title)), dispatch)
         on_visitor(self._kind, self._policy_of_kind, dispatch)
         on_visitor(self._number, self._policy_of_number, dispatch)
@@ -98,8 +99,12 @@ class ComparePanel:
         on_visitor(self._cold, lambda value: StartCold(bool(value)), dispatch)
 
     def show(self, page: Page) -> None:
-        """Draw what the inspector is about; nothing where it is closed."""
-        view = page.state.compare
+        """Draw what is compared."""
+        self._body.show(card("compare", "Runs", _body(page), {"compare": "stage"}))
+
+    def show_settings(self, page: Page) -> None:
+        """Set the widgets to what is so."""
+        view = page.state.of(CompareState)
         assign(self._inspector, _title(INSPECTORS, view.inspector))
         assign(self._sight, _title(SIGHTS, view.sight))
         assign(self._measure, _title(MEASURES, view.measure))
@@ -110,7 +115,6 @@ class ComparePanel:
         assign(self._offset, view.offset / 1000)
         self._set_visible(view)
         self._show_lane(page)
-        self._body.show(_body(page))
 
     def _set_visible(self, view: CompareState) -> None:
         lanes, scores = view.inspector == "lanes", view.inspector == "scores"
@@ -123,7 +127,7 @@ class ComparePanel:
         _see(self._offset, lanes or (scores and not view.replays))
 
     def _show_lane(self, page: Page) -> None:
-        view = page.state.compare
+        view = page.state.of(CompareState)
         is_shown = view.inspector in ("lanes", "scores") and bool(view.lanes)
         self._lane.set_visible(is_shown)
         for handle in self._of_lane:
@@ -131,7 +135,7 @@ class ComparePanel:
         if not is_shown:
             return
         lane = view.lanes[view.chosen]
-        self._lane.show(f'<div class="et"><div class="et-lead">Lane {"BCD"[view.chosen]}</div></div>')
+        self._lane.show(f'<div class="et"><div class="et-lead">Run {"BCD"[view.chosen]}</div></div>')
         self._offer_models(page.models, lane)
         kind, number = (AS_MAIN, 0.0) if lane.policy is None else words_of(lane.policy)
         assign(self._kind, kind)
@@ -153,35 +157,28 @@ class ComparePanel:
             self._model.options = (AS_MAIN, *titles)
         assign(self._model, next((title for title, id_ in titles.items() if id_ == lane.model_id), AS_MAIN))
 
-    def _policy_of_kind(self, kind: str) -> ask.Intent:
+    def _policy_of_kind(self, kind: str) -> Any:
         return ChangeLane("policy", None if kind == AS_MAIN else policy_of(kind, DEFAULTS.get(kind, 0.0)))
 
-    def _policy_of_number(self, number: float) -> ask.Intent | None:
+    def _policy_of_number(self, number: float) -> Any | None:
         return ChangeLane("policy", policy_of(self._kind.value, float(number))) if number > 0 else None
 
 
 def _body(page: Page) -> str:
-    view, moment = page.state.compare, page.moment
+    view, moment = page.state.of(CompareState), page.moment
     if view.inspector == "none" or moment is None:
         return (
             '<div class="et"><div class="et-note">Set up to four lanes beside each other: another network, '
             "other windows, other arithmetic, cleaned events, a cold start; with numbers.</div></div>"
         )
     if view.inspector == "lanes":
-        return lanes_html(moment, page.lanes, view, page.state.query, on_pick=ON_PICK)
-    if view.inspector == "fit":
-        return fitness_html(moment, page.results.get(SLOT), page.model, on_pick=ON_PICK)
-    return scores_html(moment, lane_series(page), view, on_pick=ON_PICK)
+        lanes = [scored(lane, page.results.get(slot_of("moment", lane))) for lane in lanes_of(page)]
+        return lanes_html(moment, lanes, view, page.state.query)
+    return scores_html(moment, lane_series(page), view)
 
 
-def lane_series(page: Page) -> list[Series]:
-    """What is known of every lane over time; nothing unless scores are looked at."""
-    view = page.state.compare
-    if view.inspector != "scores":
-        return []
-    subject = "protocol" if view.replays else "strip"
-    found = [page.results.get(slot_of(subject, lane)) for lane in page.lanes]
-    return [series_of(lane, result, view.replays) for lane, result in zip(page.lanes, found, strict=True)]
+def _set(field: str, value: object) -> ask.Set:
+    return ask.Set("compare", field, value)
 
 
 def _title(words: dict[str, Any], name: str) -> str:

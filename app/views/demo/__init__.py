@@ -1,0 +1,31 @@
+"""The page in public: large live pictures in plain words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.views.demo.state import DemoState, reduce_demo
+from app.views.view import View
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.views.panel import Panel
+
+
+def _panel(client: viser.ClientHandle) -> Panel:
+    from app.views.demo.panel import DemoPanel
+
+    return DemoPanel(client)
+
+
+VIEW = View(
+    "demo",
+    "Demo",
+    "PRESENTATION",
+    DemoState(),
+    _panel,
+    workspaces=frozenset({"demo"}),
+    is_public=True,
+    reduce=reduce_demo,
+)

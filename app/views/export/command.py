@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.html.moment import Moment
-from app.views.demo.state import ExportFormat, StartExport, arrays_of
+from app.views.export.state import ExportFormat, StartExport, arrays_of
+from app.views.page import Page
 from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import View
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
@@ -28,9 +29,19 @@ class Run:
     device: str = "cpu"
 
 
+def run_of(page: Page) -> Run | None:
+    """`None` for what the command line cannot open: a video has to be simulated first."""
+    if page.video is not None or not page.file_name:
+        return None
+    ready, state = page.ready, page.state
+    if ready is None or ready.request.playback[1:3] != (state.model_id, state.precision):
+        return Run(page.file_name, page.model.source, state.precision)
+    return Run(page.file_name, page.model.source, ready.contract.runtime.precision, ready.contract.device)
+
+
 def export_command(wanted: StartExport, moment: Moment, run: Run, query: tuple[int, int] | None, out: str) -> str:
     """`etnet export …`, typed where the recording lies, for the windows, network and look that the page would use."""
-    words = ["etnet", "export", _KINDS[wanted.parcel], _as_operand(run.file), "-o", out, "--model", run.model]
+    words = ["etnet", "export", _KINDS[wanted.format], _as_operand(run.file), "-o", out, "--model", run.model]
     words += ["--windows", policy_text(moment.policy), "--precision", run.precision]
     words += [] if run.device == "cpu" else ["--device", run.device]
     words += _range(wanted, moment)
@@ -62,7 +73,7 @@ def _as_operand(name: str) -> str:
 
 
 def _range(wanted: StartExport, moment: Moment) -> list[str]:
-    if wanted.parcel == "png":
+    if wanted.format == "png":
         return ["--range", f"{moment.index}:{moment.index + 1}"]
     if wanted.first is None and wanted.last is None:
         return []
@@ -72,13 +83,13 @@ def _range(wanted: StartExport, moment: Moment) -> list[str]:
 
 
 def _look(wanted: StartExport, query: tuple[int, int] | None) -> Iterator[str]:
-    if wanted.parcel in ("mp4", "gif", "png"):
+    if wanted.format in ("mp4", "gif", "png"):
         yield from ("--panels", *wanted.panels)
         if wanted.has_stamps:
             yield "--stamps"
-    if wanted.parcel in ("mp4", "gif"):
+    if wanted.format in ("mp4", "gif"):
         yield from ("--speed", f"{wanted.speed:g}")
-    if wanted.parcel in ("npz", "h5"):
+    if wanted.format in ("npz", "h5"):
         names = arrays_of(wanted, query)
         yield from ("--what", *names)
         if query is not None and "attention" in names:

@@ -18,12 +18,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from jaxtyping import UInt8
 
+from app.engine.downloads import LARGEST, PATIENCE, Download, plain_name
 from app.engine.file_writer import Writer
-from app.engine.jobs import KEPT_BYTES, Job
+from app.engine.jobs import Job
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest, Ready
 from app.state.view_state import ViewState
-from app.views.demo.state import ExportFormat, Order, arrays_of
+from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order, arrays_of
 from etnet.errors import Cancelled, EtnetError
 from etnet.nets.intervention import Intervention
 
@@ -32,29 +33,16 @@ if TYPE_CHECKING:
     from etnet.export.take import Progress, Take
     from etnet.playback.playback import Playback
 
-SLOT = "take away"
-LARGEST = KEPT_BYTES
-"""Bytes that are handed out through the page at most; larger ones are made by the command line."""
 MOST_WINDOWS = 20_000
-PATIENCE = 0.05
-"""Seconds for which a writer that works on its own, without a step, holds the engine up at a time."""
 ENDINGS: dict[ExportFormat, str] = {
     "mp4": "mp4", "gif": "gif", "png": "png", "npz": "npz", "h5": "h5", "csv": "csv", "page": "html",
     "session": "session.json",
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Made:
-    """A whole file, by the name under which it is handed over."""
-
-    name: str
-    content: bytes
-
-
 @dataclass(frozen=True, slots=True)
-class Taking:
-    """The job that makes one file. Its answer is `None` until it is a `Made`."""
+class ExportJob:
+    """The job that makes one file. Its answer is `None` until it is a `Download`."""
 
     order: Order
 
@@ -64,12 +52,12 @@ class Taking:
         order = self.order
         return FrameRequest(order.recording_id, order.model_id, order.precision, order.policy, order.index)
 
-    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Made | None, float]]:
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Download | None, float]]:
         """One step of the network, or a moment's wait for the writer, between two yields."""
         take = _take_of(self.order, loaded)
         relay = cast(Any, take.playback)
         with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
-            name = file_name(take.recording.name, self.order.wanted.parcel)
+            name = file_name(take.recording.name, self.order.wanted.format)
             path = Path(folder) / name
             work = partial(_write, self.order, take, path, loaded.contract.threads)
             writer = Writer(work, "taking away", relay.give_up)
@@ -87,13 +75,14 @@ class Taking:
                     f"{name} comes to {size / 1e6:.0f} MB; a page hands out at most {LARGEST / 1e6:.0f}: "
                     "take fewer windows, or use `etnet export`"
                 )
-            made = Made(name, path.read_bytes())
+            made = Download(name, path.read_bytes())
         yield made, 1.0
 
 
 def export_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
     """The file that was ordered, if any."""
-    return {} if state.show.order is None else {SLOT: Taking(state.show.order)}
+    order = state.of(ExportState).order
+    return {} if order is None else {EXPORT_SLOT: ExportJob(order)}
 
 
 def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
@@ -107,7 +96,7 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
 
     wanted, gamma = order.wanted, card_gamma(take.playback.model)
     look = Look(wanted.panels, gamma, 1, wanted.has_stamps)
-    match wanted.parcel:
+    match wanted.format:
         case "mp4":
             write_video(take, path, look, wanted.speed, progress, is_cancelled)
         case "gif":
@@ -149,9 +138,10 @@ def _refuse_what_passes(recording: Recording) -> None:
 def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 3"]:
     """What the page shows of the moment, drawn as it draws it, of the network and the events unchanged."""
     from app.html.moment import Moment
-    from app.html.pictures import Tones
-    from app.views.attention.html.maps import AttentionLook
+    from app.views.attention.state import look_in
+    from app.views.events.state import EventsState
     from app.views.export.sheet import sheet_picture
+    from app.views.reconstruction.state import tones_in
     from etnet.nets.attention import AttentionProbe
     from etnet.nets.runtime import contract_of
 
@@ -165,8 +155,8 @@ def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 
     ready = Ready(request, taken.frame, taken.step.attention, 0.0, True, False, False, contract, order.index)
     moment = Moment(order.recording_id, order.policy, order.index, take.recording, take.playback.windows)
     network = getattr(take.playback.model, "name", order.model_id)
-    look, tones = AttentionLook.of(view, is_linear_light), Tones.of(view, is_linear_light)
-    return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.event_image)
+    look, tones = look_in(view, is_linear_light), tones_in(view, is_linear_light)
+    return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.of(EventsState).event_image)
 
 
 def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Writer) -> None:
@@ -233,7 +223,7 @@ def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
 
     num_windows = len(loaded.windows)
     wanted = order.wanted
-    if wanted.parcel == "png":
+    if wanted.format == "png":
         first = last = order.index
     else:
         first = 0 if wanted.first is None else min(max(wanted.first, 0), num_windows - 1)
@@ -246,12 +236,6 @@ def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
     return Take(cast("Playback", _Relay(loaded.playback)), first, last + 1)
 
 
-def file_name(name: str, parcel: ExportFormat) -> str:
-    """What a parcel of a recording is called."""
-    return f"{plain_name(name)}.{ENDINGS[parcel]}"
-
-
-def plain_name(name: str) -> str:
-    """A recording's name as a file's: letters, digits and a few signs."""
-    stem = name.removesuffix(".h5").removesuffix(".zip")
-    return "".join(sign if sign.isalnum() or sign in "-_." else "_" for sign in stem).strip(".")[:80] or "recording"
+def file_name(name: str, format: ExportFormat) -> str:
+    """What a format of a recording is called."""
+    return f"{plain_name(name)}.{ENDINGS[format]}"

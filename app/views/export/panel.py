@@ -7,22 +7,34 @@ from typing import Any
 
 import viser
 
-from app.views.demo.state import ArrayName, DropExport, ExportFormat, FormChanged, Panels, Sheet, StartExport
-from app.views.export.command import export_command
-from app.views.export.jobs import SLOT, file_name, plain_name
-from app.views.inspect.state import Change
-from app.views.timeline.panel import EVERY_FRAME, SPEEDS
-from app.views.view import Dispatch, Html, Page, assign, on_press, on_visitor, seconds_since_touched
+from app.engine.downloads import plain_name
+from app.html.choices import SPEEDS
+from app.state.intents import FormChanged
+from app.views.export.command import export_command, run_of
+from app.views.export.jobs import file_name
+from app.views.export.state import (
+    EXPORT_SLOT,
+    ArrayName,
+    DropExport,
+    ExportFormat,
+    ExportState,
+    Panels,
+    Sheet,
+    StartExport,
+)
+from app.views.inspect.state import Change, InspectState
+from app.views.page import Page
+from app.views.panel import Dispatch, Html, Panel, assign, on_press, on_visitor, seconds_since_touched
 
-PARCELS: dict[str, ExportFormat] = {
+FORMATS: dict[str, ExportFormat] = {
     "Video (MP4)": "mp4",
-    "Moving picture (GIF)": "gif",
+    "Animated GIF": "gif",
     "Picture of this window (PNG)": "png",
     "One page with everything (HTML)": "page",
     "Arrays (NPZ)": "npz",
     "Arrays (HDF5)": "h5",
     "Numbers of every window (CSV)": "csv",
-    "Session to check again (JSON)": "session",
+    "Reproducible session (JSON)": "session",
 }
 PANELS: dict[str, Panels] = {
     "reconstruction": ("reconstruction",),
@@ -46,29 +58,29 @@ ARRAYS: dict[ArrayName, str] = {
 _LINK = '<div class="et"><button class="et-back" data-etv-copy>Copy a link to this moment (C)</button></div>'
 
 
-class ExportPanel:
+class ExportPanel(Panel):
     """Choose, make, wait a little, and the browser saves it."""
 
-    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+    def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Widgets hold the choice until it is made; what is being made stands in the view."""
         Html(gui, _LINK)
-        self._parcel = gui.add_dropdown("Make", tuple(PARCELS))
+        self._format = gui.add_dropdown("Format", tuple(FORMATS))
         self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
         self._picture = gui.add_dropdown("Picture", (*PANELS, *SHEETS), visible=False)
-        self._speed = gui.add_dropdown("Speed", tuple(words for words in SPEEDS if words != EVERY_FRAME))
-        self._has_stamps = gui.add_checkbox("Stamps below", True)
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS))
+        self._has_stamps = gui.add_checkbox("Burn in timestamps", True)
         usual = StartExport("npz").arrays
         self._arrays: dict[ArrayName, viser.GuiCheckboxHandle] = {
             name: gui.add_checkbox(words, name in usual, visible=False) for name, words in ARRAYS.items()
         }
-        self._takes_range = gui.add_checkbox("A range only", False)
+        self._takes_range = gui.add_checkbox("Limit range", False)
         self._first = gui.add_number("From window", 0, min=0, step=1, visible=False)
         self._last = gui.add_number("To window", 0, min=0, step=1, visible=False)
-        self._make = gui.add_button("Make it", icon=viser.Icon.DOWNLOAD)
+        self._make = gui.add_button("Export", icon=viser.Icon.DOWNLOAD)
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._news = Html(gui)
         on_press(self._cancel, DropExport(), dispatch)
-        shaping = (self._parcel, self._panels, self._picture, self._speed, self._has_stamps)
+        shaping = (self._format, self._panels, self._picture, self._speed, self._has_stamps)
         for handle in (*shaping, *self._arrays.values(), self._takes_range, self._first, self._last):
             on_visitor(handle, lambda _: FormChanged(), dispatch)
 
@@ -77,20 +89,20 @@ class ExportPanel:
             if event.client is not None and (wanted := self._chosen()) is not None:
                 dispatch(wanted)
 
-    def show(self, page: Page) -> None:
+    def show_settings(self, page: Page) -> None:
         """Offer what suits the choice, and say how far it has come."""
-        parcel = PARCELS.get(self._parcel.value, "mp4")
-        takes_range = parcel in RANGED and self._takes_range.value
-        is_busy = page.state.show.order is not None
-        result = page.results.get(SLOT)
+        format = FORMATS.get(self._format.value, "mp4")
+        takes_range = format in RANGED and self._takes_range.value
+        is_busy = page.state.of(ExportState).order is not None
+        result = page.results.get(EXPORT_SLOT)
         is_made = is_busy and (result is None or not result.trouble)
         for handle, is_shown in (
-            (self._panels, parcel in MOVING),
-            (self._picture, parcel == "png"),
-            (self._speed, parcel in MOVING),
-            (self._has_stamps, parcel in MOVING or (parcel == "png" and self._picture.value not in SHEETS)),
-            *((handle, self._offers(name, parcel, page)) for name, handle in self._arrays.items()),
-            (self._takes_range, parcel in RANGED),
+            (self._panels, format in MOVING),
+            (self._picture, format == "png"),
+            (self._speed, format in MOVING),
+            (self._has_stamps, format in MOVING or (format == "png" and self._picture.value not in SHEETS)),
+            *((handle, self._offers(name, format, page)) for name, handle in self._arrays.items()),
+            (self._takes_range, format in RANGED),
             (self._first, takes_range),
             (self._last, takes_range),
             (self._make, not is_made),
@@ -109,28 +121,28 @@ class ExportPanel:
         self._news.show(_news(page, is_made, wanted) or ("" if wanted is None else _told(page, wanted)))
 
     @staticmethod
-    def _offers(name: ArrayName, parcel: ExportFormat, page: Page) -> bool:
+    def _offers(name: ArrayName, format: ExportFormat, page: Page) -> bool:
         """Whether there is such an array of what is on show."""
         truth = None if page.moment is None else page.moment.recording.ground_truth
         is_there = {"camera": bool(truth), "attention": page.state.query is not None}.get(name, True)
-        return parcel in NUMBERS and is_there
+        return format in NUMBERS and is_there
 
     def _chosen(self) -> StartExport | None:
-        parcel = PARCELS.get(self._parcel.value)
-        sheet = SHEETS.get(self._picture.value, "panels") if parcel == "png" else "panels"
-        chosen = self._picture.value if parcel == "png" and sheet == "panels" else self._panels.value
+        format = FORMATS.get(self._format.value)
+        sheet = SHEETS.get(self._picture.value, "panels") if format == "png" else "panels"
+        chosen = self._picture.value if format == "png" and sheet == "panels" else self._panels.value
         panels, speed = PANELS.get(chosen), SPEEDS.get(self._speed.value)
-        if parcel is None or panels is None or speed is None:
+        if format is None or panels is None or speed is None:
             return None  # no page of ours sends another word
-        takes_range = parcel in RANGED and self._takes_range.value
+        takes_range = format in RANGED and self._takes_range.value
         first, last = (int(self._first.value), int(self._last.value)) if takes_range else (None, None)
         arrays: tuple[ArrayName, ...] = tuple(name for name, handle in self._arrays.items() if handle.value)
-        return StartExport(parcel, first, last, panels, speed.speed, bool(self._has_stamps.value), arrays, sheet)
+        return StartExport(format, first, last, panels, speed, bool(self._has_stamps.value), arrays, sheet)
 
 
 def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
     """What is to be said instead of how the command line does it."""
-    result = page.results.get(SLOT)
+    result = page.results.get(EXPORT_SLOT)
     if page.moment is None:
         return '<div class="et"><div class="et-note">Open a recording first.</div></div>'
     if is_made:
@@ -141,11 +153,11 @@ def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
             f'<span>being made, {share:.0%}</span><div class="et-bar{waits}"><i style="width:{share:.0%}"></i></div>'
             "</div></div>"
         )
-    if page.state.show.order is not None and result is not None:
+    if page.state.of(ExportState).order is not None and result is not None:
         trouble = f'<div class="et-failed" role="alert" data-testid="taking">{escape(result.trouble)}</div>'
         return f'<div class="et">{trouble}</div>'
-    change = page.state.inside.change
-    if wanted is not None and wanted.parcel == "session" and change.run_from is not None:
+    change = page.state.of(InspectState).change
+    if wanted is not None and wanted.format == "session" and change.run_from is not None:
         words = f"It holds what is changed in the network, from window {change.run_from} on."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
     if change != Change():
@@ -157,7 +169,7 @@ def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
 
 def _told(page: Page, wanted: StartExport) -> str:
     """The command that makes the same."""
-    moment, run = page.moment, page.run
+    moment, run = page.moment, run_of(page)
     if wanted.sheet != "panels":
         words = "The browser saves it. It is made of this moment as it is on show; the scene is left out."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
@@ -165,7 +177,7 @@ def _told(page: Page, wanted: StartExport) -> str:
         words = "The browser saves it. <code>etnet export</code> opens what <code>etnet simulate --video</code> makes."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
     name = moment.recording.name
-    out = f"{plain_name(name)}_frames" if wanted.parcel == "png" else file_name(name, wanted.parcel)
+    out = f"{plain_name(name)}_frames" if wanted.format == "png" else file_name(name, wanted.format)
     command = export_command(wanted, moment, run, page.state.query, out)
     return (
         '<div class="et"><div class="et-note">The browser saves it. This makes the same, of any size:</div>'

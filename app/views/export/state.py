@@ -78,7 +78,9 @@ def reduce_export(slice_: ExportState, intent: Any, here: Here) -> ExportState:
     match intent:
         case StartExport():
             return slice_ if here.state.is_public else replace(slice_, order=order_of(here.state, intent))
-        case DropExport() | Downloaded(slot=EXPORT_SLOT):
+        case DropExport():
+            return replace(slice_, order=None)
+        case Downloaded(slot) if slot == EXPORT_SLOT:
             return replace(slice_, order=None)
     return slice_
 

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
+from app.html.tones import Tones
+from app.state.view_state import ViewState
 from etnet.render.tone import Tone
+
+if TYPE_CHECKING:
+    from app.views.page import Page
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,3 +19,13 @@ class ReconstructionState:
 
     view: ClassVar[str] = "reconstruction"
     tone: Tone = "auto"
+
+
+def tones_in(state: ViewState, is_linear_light: bool) -> Tones:
+    """As a visitor chose."""
+    return Tones(state.of(ReconstructionState).tone, is_linear_light)
+
+
+def tones_of(page: Page) -> Tones:
+    """As a visitor chose, of the frames of the page's network."""
+    return tones_in(page.state, page.model.is_linear_light)

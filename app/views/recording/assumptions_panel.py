@@ -9,7 +9,8 @@ import viser
 
 from app.catalogue.recording_id import stated_id, stated_in
 from app.state import intents as ask
-from app.views.view import Dispatch, Page, assign
+from app.views.page import Page
+from app.views.panel import Dispatch, assign
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, TimeUnit
 

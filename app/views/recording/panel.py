@@ -11,31 +11,35 @@ import viser
 from app.catalogue.recording_id import listed_id
 from app.catalogue.videos import CONTRASTS, NOISES, USUAL, film_id
 from app.engine.jobs import JobResult
-from app.session.channel import ON_PICK
+from app.engine.requests import Precision
+from app.html.card import card
+from app.html.choices import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
 from app.state import intents as ask
+from app.views.page import Choice, Page
+from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched
 from app.views.recording.assumptions_panel import Statement
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.html.examination import closed_html, doctor_html
+from app.views.recording.html.fitness import fitness_button_html, fitness_html
 from app.views.recording.html.uploads import handing_html
 from app.views.recording.html.video import film_html
-from app.views.recording.jobs.cut import SLOT as CUT
 from app.views.recording.jobs.examination import SLOT
-from app.views.view import Choice, Dispatch, Html, Page, assign, on_visitor, seconds_since_touched
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
-
-KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
-PRECISIONS: dict[ask.Precision, str] = {"auto": "whichever is faster", "fp32": "fp32", "bf16": "bf16"}
-DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
-STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
+from app.views.recording.jobs.fitness import SLOT as FITNESS_SLOT
+from app.views.recording.state import TRIM_SLOT, RecordingState
+from etnet.windows import Policy
 
 MOST_NAMED = 5
 GONE = "– not in the folder any more"
 
 
-class RecordingPanel:
+class RecordingPanel(Panel):
     """What is looked at, and through what."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """One card: statistics of the recording, and of its sensor against the training range."""
+        self._statistics = Html(gui)
+
+    def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Dropdowns speak titles; intents speak ids."""
         self._recordings: dict[str, str] = {}
         self._models: dict[str, str] = {}
@@ -48,14 +52,13 @@ class RecordingPanel:
         self._recording_id = ""
         self._statement = Statement()
         self._statement.build(gui, dispatch)
-        self._kind = gui.add_dropdown("Windows by", KINDS)
-        self._number = gui.add_number("Each holds", 0.35, min=0.0001)
+        self._kind = gui.add_dropdown("Windowing", KINDS)
+        self._number = gui.add_number("Size", 0.35, min=0.0001)
         self._model = gui.add_dropdown("Network", ("–",))
-        self._precision = gui.add_dropdown("Arithmetic", tuple(PRECISIONS.values()))
+        self._precision = gui.add_dropdown("Precision", tuple(PRECISIONS.values()))
         self._facts = Html(gui)
         self._cut = Html(gui)
-        self._doctor = Html(gui)
-        arithmetic: dict[str, ask.Precision] = {text: name for name, text in PRECISIONS.items()}
+        arithmetic: dict[str, Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
         on_visitor(self._contrast, lambda contrast: self._seen(float(contrast), self._noise.value), dispatch)
         on_visitor(self._noise, lambda noise: self._seen(self._contrast.value, float(noise)), dispatch)
@@ -65,9 +68,14 @@ class RecordingPanel:
         on_visitor(self._precision, lambda text: ask.ChoosePrecision(arithmetic.get(text, "auto")), dispatch)
 
     def show(self, page: Page) -> None:
+        """Draw what is known of the recording."""
+        body = _doctor(page) + _fitness(page)
+        self._statistics.show(card("recording", "Recording statistics", body, {"recording": "stage"}))
+
+    def show_settings(self, page: Page) -> None:
         """Let the widgets say what is open, and list what was noticed on opening it."""
         _offer(self._recording, self._recordings, page.recordings, listed_id(page.state.recording_id))
-        self._handing.show("" if page.desk is None else handing_html(page.desk, ON_PICK))
+        self._handing.show("" if page.uploads is None else handing_html(page.uploads))
         self._show_film(page)
         self._statement.show(page)
         _offer(self._model, self._models, page.models, page.state.model_id)
@@ -75,7 +83,6 @@ class RecordingPanel:
         self._show_policy(page.state.policy)
         self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
         self._cut.show(_cut(page))
-        self._doctor.show(_doctor(page))
 
     def _seen(self, contrast: float, noise: float) -> ask.Intent | None:
         """The same video under another setting."""
@@ -83,7 +90,7 @@ class RecordingPanel:
         return ask.ReopenRecording(film_id(self._recording_id, contrast, noise)) if is_shown else None
 
     def _show_film(self, page: Page) -> None:
-        film = page.film
+        film = page.video
         self._recording_id = "" if film is None else page.state.recording_id
         for slider in (self._contrast, self._noise):
             if slider.visible != (film is not None):
@@ -107,48 +114,12 @@ class RecordingPanel:
             assign(self._number, number)
 
 
-def policy_of(kind: str, number: float) -> Policy:
-    """A window policy from its words; every number is brought to the least that the policy takes."""
-    match kind:
-        case "milliseconds":
-            return ByDuration(max(1, round(min(number, 1e7) * 1000)))
-        case "number of events":
-            return ByCount(max(1, round(min(number, 1e9))))
-        case "camera frames":
-            return BetweenFrames()
-    return ByDensity(min(max(number, 1e-4), 1e4))
-
-
-def words_of(policy: Policy) -> tuple[str, float]:
-    """The words of a policy, and its number (0 for none)."""
-    match policy:
-        case ByDuration(duration, _):
-            return "milliseconds", duration / 1000
-        case ByCount(num_events):
-            return "number of events", float(num_events)
-        case ByDensity(events_per_pixel):
-            return "events per pixel", events_per_pixel
-        case BetweenFrames():
-            return "camera frames", 0.0
-
-
 def _opened(recording_id: str | None) -> ask.Intent | None:
     return None if recording_id is None else ask.OpenRecording(recording_id)
 
 
 def _chosen(model_id: str | None) -> ask.Intent | None:
     return None if model_id is None else ask.ChooseModel(model_id)
-
-
-def offered(choices: tuple[Choice, ...]) -> dict[str, str]:
-    """Ids by the titles of a dropdown. Two of one name are told apart by where they come from, at last by a sign."""
-    titles: dict[str, str] = {}
-    for choice in choices:
-        title = choice.title if choice.title not in titles else f"{choice.title} ({choice.subtitle})"
-        while title in titles:
-            title += " ·"
-        titles[title] = choice.id
-    return titles
 
 
 def _offer(
@@ -175,7 +146,7 @@ def _facts(page: Page) -> str:
     truth = recording.ground_truth
     told = [
         ("Events", f"{recording.num_events:,}"),
-        ("Length", f"{recording.span.duration / 1e6:.3f} s"),
+        ("Duration", f"{recording.span.duration / 1e6:.3f} s"),
         ("Sensor", f"{recording.sensor} pixels"),
         ("Camera frames", f"{len(truth):,}" if truth else "none"),
         ("Format", recording.format),
@@ -183,7 +154,7 @@ def _facts(page: Page) -> str:
     ]
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
     remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
-    noticed = f"<h3>Noticed on opening</h3><ul>{remarks}</ul>" if remarks else ""
+    noticed = f"<h3>Import log</h3><ul>{remarks}</ul>" if remarks else ""
     return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}{writing}</div>'
 
 
@@ -203,7 +174,7 @@ def _written(page: Page) -> str:
 
 def _is_examined(page: Page) -> bool:
     result = _examination(page)
-    return page.state.source.examines and result is not None and result.is_whole
+    return page.state.of(RecordingState).examines and result is not None and result.is_whole
 
 
 def _examination(page: Page) -> JobResult | None:
@@ -217,12 +188,20 @@ def _examination(page: Page) -> JobResult | None:
 def _cut(page: Page) -> str:
     if page.moment is None:
         return ""
-    return excerpt_html(page.moment, page.state.source, page.results.get(CUT), on_pick=ON_PICK)
+    return excerpt_html(page.moment, page.state.of(RecordingState), page.results.get(TRIM_SLOT))
 
 
 def _doctor(page: Page) -> str:
     if page.moment is None:
         return ""
-    if not page.state.source.examines:
-        return closed_html(ON_PICK)
-    return doctor_html(page.moment, _examination(page), on_pick=ON_PICK)
+    if not page.state.of(RecordingState).examines:
+        return closed_html()
+    return doctor_html(page.moment, _examination(page))
+
+
+def _fitness(page: Page) -> str:
+    if page.moment is None:
+        return ""
+    if not page.state.of(RecordingState).fits:
+        return fitness_button_html()
+    return fitness_html(page.moment, page.results.get(FITNESS_SLOT), page.model)

@@ -89,7 +89,9 @@ def reduce_recording(slice_: RecordingState, intent: Any, here: Here) -> Recordi
         case Trim():
             is_here = slice_.excerpt.is_marked and slice_.excerpt.recording_id == state.recording_id
             return replace(slice_, cut=_order(state, slice_.excerpt)) if is_here else slice_
-        case DropTrim() | Downloaded(slot=TRIM_SLOT):
+        case DropTrim():
+            return replace(slice_, cut=None)
+        case Downloaded(slot) if slot == TRIM_SLOT:
             return replace(slice_, cut=None)
         case ask.RenameRecording(recording_id) if slice_.excerpt.recording_id == state.recording_id:
             # A part's events have the numbers of the whole.

@@ -1,0 +1,33 @@
+"""The window in space and time: its events as a cloud, the frame in front of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.views.scene.state import SceneState, hear, reduce_scene
+from app.views.view import Card, View
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.views.panel import Panel
+
+
+def _panel(client: viser.ClientHandle) -> Panel:
+    from app.views.scene.panel import ScenePanel
+
+    return ScenePanel(client)
+
+
+VIEW = View(
+    "scene",
+    "Event cloud",
+    "CUBE",
+    SceneState(),
+    _panel,
+    workspaces=frozenset({"inspect", "attention", "recording"}),
+    cards=(Card("scene", shelf=frozenset({"inspect", "attention", "recording"})),),
+    is_public=True,
+    reduce=reduce_scene,
+    hear=hear,
+)

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from jaxtyping import Float32
 
-from app.views.attention.html.links import LINK_COLOURS
+from app.html.attention.links import LINK_COLOURS
 from app.views.scene.space import Space
 
 if TYPE_CHECKING:

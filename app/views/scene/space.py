@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.state.intents import Camera
+from app.views.scene.state import Camera
 from etnet.events.events import Sensor
 
 Vector = Float[np.ndarray, " 3"]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, cast, get_args
 
 from app.state import intents as ask
+from app.state.checks import passing
 from app.views.view import Here
 
 Camera = Literal["orbit", "front", "side"]
@@ -25,13 +26,21 @@ class SceneState:
     view: ClassVar[str] = "scene"
     camera: Camera = "orbit"
     shows_events: bool = True
+    num_asked: int = passing(0)
+    """Counts the times a preset was asked for: asking for the same one again puts the camera back."""
 
 
 def reduce_scene(slice_: SceneState, intent: Any, here: Here) -> SceneState:
     """The attention workspace is a flat view of one map; the others look into the window's depth."""
     match intent:
         case ChooseCamera("orbit" | "front" | "side"):
-            return replace(slice_, camera=intent.camera)
+            return replace(slice_, camera=intent.camera, num_asked=slice_.num_asked + 1)
         case ask.ShowWorkspace(workspace):
             return replace(slice_, camera="front" if workspace == "attention" else "orbit")
     return slice_
+
+
+def hear(words: str) -> Any:
+    """What a click on one of the view's own buttons says; `None` for what none of them sends."""
+    verb, _, camera = words.partition(":")
+    return ChooseCamera(cast("Camera", camera)) if verb == "camera" and camera in get_args(Camera) else None

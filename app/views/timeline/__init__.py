@@ -1,0 +1,30 @@
+"""The recording in time: what is cached, what is playing, where the moment is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.views.timeline.state import TimelineState
+from app.views.view import EVERYWHERE, View
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.views.panel import Panel
+
+
+def _panel(client: viser.ClientHandle) -> Panel:
+    from app.views.timeline.panel import TimelinePanel
+
+    return TimelinePanel()
+
+
+VIEW = View(
+    "timeline",
+    "Timeline",
+    "TIMELINE",
+    TimelineState(),
+    _panel,
+    workspaces=EVERYWHERE,
+    is_public=True,
+)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
 
 from app.html.elements import escape, panel
 from app.html.moment import ARRAYS, Moment
+from app.html.timeline_marks import Cached, NothingCached, curve_of, plan_of
 from app.html.units import count, of_whole, rate, seconds
-from etnet.render.timeline import RateCurve, area_path, frame_ticks, rate_curve, second_ticks
+from etnet.render.timeline import RateCurve, area_path, frame_ticks, second_ticks
 
 _WIDTH, _HEIGHT = 1000, 44
 _FLOOR = 34
@@ -17,51 +16,16 @@ _FLOOR = 34
 _MAX_TICKS = 300
 
 
-class Cached(Protocol):
-    """What a playback holds, as ranges of window indices."""
-
-    @property
-    def frames(self) -> Sequence[range]:
-        """Windows whose frame is held."""
-        ...
-
-    @property
-    def states(self) -> Sequence[range]:
-        """Windows whose recurrent state is held: their frames take one decode."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class NothingCached:
-    """Before the model has done anything."""
-
-    frames: tuple[range, ...] = ()
-    states: tuple[range, ...] = ()
-
-
-def curve_of(moment: Moment) -> RateCurve:
-    """The recording's event rate over its windows; sampled once for each plan of windows, which may grow."""
-    return ARRAYS.get(("curve", *plan_of(moment)), lambda: rate_curve(moment.windows), lambda made: 4000)
-
-
-def plan_of(moment: Moment) -> tuple[object, ...]:
-    """What tells a plan of windows from every other; that of a video gets longer while it is looked at."""
-    return moment.recording_id, moment.policy, len(moment.windows)
-
-
-def timeline_html(
-    moment: Moment, cached: Cached | None = None, *, inset: str = "0px", on_pick: str = "", over: str = ""
-) -> str:
+def timeline_html(moment: Moment, cached: Cached | None = None, *, inset: str = "0px", over: str = "") -> str:
     """A strip of 44 px over its seconds; its width is windows 0 … n − 1. A click sends `time`.
 
     `inset` is left free on either side (a slider's own padding). `over`: SVG in the strip's measure, drawn last.
     """
     curve, num = curve_of(moment), len(moment.windows)
     held = cached or NothingCached()
-    picking = f' data-k="time" {on_pick}' if on_pick else ""
     at = moment.index / max(num - 1, 1)
     strip = (
-        f'<div class="et-strip{" et-pick" if on_pick else ""}"{picking} data-testid="strip">'
+        f'<div class="et-strip" data-testid="strip">'
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
         f"{_background(moment, curve, num)}{_bars(held, num)}{over}</svg>"
         f'<i class="et-head-line" style="left:{at:.3%}"></i></div>'

@@ -4,51 +4,44 @@ from __future__ import annotations
 
 import viser
 
-from app.html.style import STYLE
+from app.html.choices import SPEEDS
 from app.state import intents as ask
-from app.views.compare.html.scores import curves_over
-from app.views.compare.panel import lane_series
+from app.views.page import Page
+from app.views.panel import Dispatch, Html, Panel, assign, on_press, on_visitor
 from app.views.timeline.html import now_html, timeline_html, timeline_key_html
-from app.views.view import Dispatch, Html, Page, assign, on_press, on_visitor
 
-_WAITING = '<div class="etv-strip"></div>'
-EVERY_FRAME = "every image"
-SPEEDS: dict[str, ask.ChooseSpeed] = {
+EVERY_FRAME = "every window"
+CHOICES: dict[str, ask.ChooseSpeed] = {
     EVERY_FRAME: ask.ChooseSpeed(0.1, waits_for_frames=True),
-    "real time": ask.ChooseSpeed(1.0),
-    "1/2 of real time": ask.ChooseSpeed(0.5),
-    "1/4 of real time": ask.ChooseSpeed(0.25),
-    "1/10 of real time": ask.ChooseSpeed(0.1),
-    "1/20 of real time": ask.ChooseSpeed(0.05),
-    "1/50 of real time": ask.ChooseSpeed(0.02),
+    **{words: ask.ChooseSpeed(speed) for words, speed in SPEEDS.items()},
 }
+_WAITING = '<div class="etv-strip"></div>'
 
 
-class TimelinePanel:
+class TimelinePanel(Panel):
     """The strip at the foot of the page."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """In the order in which `static/page/theme.css` puts them on a grid."""
-        Html(gui, STYLE)
         self._now = Html(gui)
         self._strip = Html(gui, _WAITING)
         self._slider = gui.add_slider("Window", 0, 1, 1, 0)
         buttons = (
             ("First window", viser.Icon.PLAYER_SKIP_BACK, ask.Seek(0)),
-            ("One window back", viser.Icon.PLAYER_TRACK_PREV, ask.Move(-1)),
+            ("Previous window", viser.Icon.PLAYER_TRACK_PREV, ask.Move(-1)),
             ("Play", viser.Icon.PLAYER_PLAY, ask.TogglePlay()),
-            ("One window on", viser.Icon.PLAYER_TRACK_NEXT, ask.Move(1)),
+            ("Next window", viser.Icon.PLAYER_TRACK_NEXT, ask.Move(1)),
             ("Last window", viser.Icon.PLAYER_SKIP_FORWARD, ask.Seek(10**9)),
         )
         made = [gui.add_button(label, icon=icon) for label, icon, _ in buttons]
         for button, (_, _, intent) in zip(made, buttons, strict=True):
             on_press(button, intent, dispatch)
         self._play = made[2]
-        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1/10 of real time")
+        self._speed = gui.add_dropdown("Speed", tuple(CHOICES), initial_value="1/10 of real time")
         self._loop = gui.add_checkbox("Loop", True)
         self._time = gui.add_number("Time (s)", 0.0, min=0.0, step=0.001)
         on_visitor(self._slider, lambda value: ask.Seek(int(value)), dispatch)
-        on_visitor(self._speed, SPEEDS.get, dispatch)
+        on_visitor(self._speed, CHOICES.get, dispatch)
         on_visitor(self._loop, lambda value: ask.SetLoop(bool(value)), dispatch)
         on_visitor(self._time, lambda value: ask.SeekTime(float(value)), dispatch)
         self._is_playing = False
@@ -74,11 +67,10 @@ class TimelinePanel:
         assign(self._slider, state.index)
         assign(self._time, round(max(page.moment.seconds[1], 0.0), 3))
         self._now.show(f'<div class="etv-now">{now_html(page.moment)}{timeline_key_html(page.moment)}</div>')
-        over = curves_over(page.moment, lane_series(page), state.compare.measure)
-        self._strip.show(f'<div class="etv-strip">{timeline_html(page.moment, page.cached, over=over)}</div>')
+        self._strip.show(
+            f'<div class="etv-strip">{timeline_html(page.moment, page.cached, over=page.over_timeline)}</div>'
+        )
 
 
 def _speed_words(speed: float, waits_for_frames: bool) -> str:
-    if waits_for_frames:
-        return EVERY_FRAME
-    return min(SPEEDS, key=lambda words: abs(SPEEDS[words].speed - speed) + 10 * SPEEDS[words].waits_for_frames)
+    return EVERY_FRAME if waits_for_frames else min(SPEEDS, key=lambda words: abs(SPEEDS[words] - speed))

@@ -14,10 +14,10 @@ TILE_WIDTH = 120
 """Pixels of a small tile: sharp at 76 px on a screen of double density."""
 
 
-def voxel_html(moment: Moment, opened: int | None = None, *, on_pick: str = "") -> str:
+def voxel_html(moment: Moment, opened: int | None = None) -> str:
     """Five bins in a row, or one of them large. Clicks send `bin:0` … `bin:4`, or `bin:` to go back."""
     opened = None if opened is None else min(max(opened, 0), NUM_BINS - 1)
-    return PICTURES.text(("voxel", moment.key, opened, on_pick), lambda: _voxel_html(moment, opened, on_pick))
+    return PICTURES.text(("voxel", moment.key, opened), lambda: _voxel_html(moment, opened))
 
 
 def bin_words(index: int) -> str:
@@ -27,7 +27,7 @@ def bin_words(index: int) -> str:
     return f"{max(middle - half, 0):.0f}–{min(middle + half, 100):.0f} %"
 
 
-def _voxel_html(moment: Moment, opened: int | None, on_pick: str) -> str:
+def _voxel_html(moment: Moment, opened: int | None) -> str:
     if moment.window.num_events < MIN_EVENTS:
         return panel(
             "voxels",
@@ -40,8 +40,7 @@ def _voxel_html(moment: Moment, opened: int | None, on_pick: str) -> str:
         image = picture(
             data_url(tile, is_lossless=True),
             f"time bin {index}",
-            key=f"bin:{index}",
-            on_pick=on_pick,
+            key=f"set:voxels.voxel_bin:{index}",
             size=(tile.shape[1], tile.shape[0]),
         )
         chosen = " et-chosen" if index == opened else ""
@@ -54,21 +53,20 @@ def _voxel_html(moment: Moment, opened: int | None, on_pick: str) -> str:
     )
     parts = [row]
     if opened is not None:
-        parts.append(_large(moment, opened, limit, on_pick))
-    elif on_pick:
+        parts.append(_large(moment, opened, limit))
+    else:
         parts.append('<div class="et-note">share of the window’s time · click a tile to enlarge it</div>')
     return panel("voxels", *parts, scale)
 
 
-def _large(moment: Moment, opened: int, limit: float, on_pick: str) -> str:
+def _large(moment: Moment, opened: int, limit: float) -> str:
     tile, _ = voxel_tiles(moment.voxel[opened : opened + 1], moment.recording.sensor.width, limit)
     image = picture(
         data_url(tile[0], is_lossless=True),
         f"time bin {opened}, large",
-        key="bin:",
-        on_pick=on_pick,
+        key="set:voxels.voxel_bin:none",
         size=(tile.shape[2], tile.shape[1]),
     )
-    back = " · click to close" if on_pick else ""
+    back = " · click to close"
     caption = escape(f"around {bin_words(opened)} of the window{back}")
     return f'{image}<div class="et-caption"><span>{caption}</span></div>'

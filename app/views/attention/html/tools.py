@@ -5,20 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from app.engine.requests import Ready
-from app.html.controls import button, buttons
-from app.html.elements import escape, legend, panel, picture
-from app.html.units import of_whole, short
-from app.views.attention.html.maps import (
+from app.html.attention.look import Gather, Order
+from app.html.attention.maps import (
     AttentionLook,
     base_url,
+    gathered,
     head_words,
     map_facts,
     map_html,
-    pinned_row,
+    rows_of,
     site_words,
     tokens_words,
 )
-from app.views.inspect.state import Gather, InspectState, Order, PinnedMap, is_switched, pin_text
+from app.html.controls import button, buttons
+from app.html.elements import escape, legend, panel, picture
+from app.html.units import of_whole, short
+from app.views.attention.state import AttentionState, PinnedMap, pin_text
+from app.views.inspect.state import is_switched
+from etnet.nets.intervention import Intervention
 from etnet.render.attention import times_uniform
 from etnet.render.colours import css_gradient, diverge, diverging
 from etnet.render.encode import data_url
@@ -28,75 +32,77 @@ _ORDER: dict[Order, str] = {"network": "as in the network", "entropy": "sharpest
 
 
 def attention_tools_html(
-    inside: InspectState,
+    slice_: AttentionState,
+    intervention: Intervention,
     look: AttentionLook | None,
     *,
     site: str | None,
-    on_pick: str,
 ) -> str:
     """Buttons for the maps; `site` is the one that is opened, whose map can be pinned. Nothing before a pixel."""
     if look is None:
         return ""
 
     def choices(name: str, words: dict[object, str], held: object) -> str:
-        return "".join(button(text, f"set:{name}:{word}", on_pick, is_on=word == held) for word, text in words.items())
+        return "".join(button(text, f"set:attention.{name}:{word}", is_on=word == held) for word, text in words.items())
 
     rows: list[str] = []
     if site is not None:
         pinned = pin_text(PinnedMap(site, look.head, look.gather, look.query))
-        pins = button("Pin as A", f"pin:a:{pinned}", on_pick) + button("Pin as B", f"pin:b:{pinned}", on_pick)
+        pins = button("Pin as A", f"attention:pin:a:{pinned}") + button("Pin as B", f"attention:pin:b:{pinned}")
         rows.append(buttons("This map", pins, "Pin two maps, of any sites, heads or pixels, to see A − B."))
-        rows.append(buttons("Take away", _switches(inside, site, look.head, on_pick)))
+        rows.append(buttons("Take away", _switches(intervention, site, look.head)))
         ways: dict[object, str] = {"reads": "what it reads", "read by": "who reads it"}
-        rows.append(buttons("Direction", choices("direction", ways, inside.direction)))
-    rows.append(buttons("Over heads", choices("gather", {**_GATHER}, inside.gather)))
-    rows.append(buttons("Order", choices("order", {**_ORDER}, inside.order)))
+        rows.append(buttons("Direction", choices("direction", ways, slice_.direction)))
+    rows.append(buttons("Over heads", choices("gather", {**_GATHER}, slice_.gather)))
+    rows.append(buttons("Order", choices("order", {**_ORDER}, slice_.order)))
     scales: dict[object, str] = {False: "logarithmic", True: "linear"}
     grains: dict[object, str] = {False: "tokens", True: "smooth"}
     rows.append(
         buttons(
-            "Drawn", choices("is_linear", scales, inside.is_linear) + choices("is_smooth", grains, inside.is_smooth)
+            "Drawn", choices("is_linear", scales, slice_.is_linear) + choices("is_smooth", grains, slice_.is_smooth)
         )
     )
     links: dict[object, str] = {False: "no links", True: "the strongest links"}
-    rows.append(buttons("In the scene", choices("shows_links", links, inside.shows_links)))
+    rows.append(buttons("In the scene", choices("shows_links", links, slice_.shows_links)))
     planes: dict[object, str] = {False: "events behind", True: "this layer's maps behind"}
     rows.append(
-        buttons("", choices("shows_planes", planes, inside.shows_planes), "Maps behind: not in the front view.")
+        buttons("", choices("shows_planes", planes, slice_.shows_planes), "Maps behind: not in the front view.")
     )
     return panel("attention-tools", *rows)
 
 
-def _switches(inside: InspectState, site: str, head: int | None, on_pick: str) -> str:
+def _switches(intervention: Intervention, site: str, head: int | None) -> str:
     """Take this head or this attention out of the network."""
     parts = {f"site {site}": "this attention"}
     if head is not None:
         parts = {f"head {site} {head}": f"head {head + 1}", **parts}
-    intervention = inside.change.intervention
     return "".join(
         button(
-            words, f"switch:{part}", on_pick, is_on=is_switched(intervention, part), hint="See Inside: Change something"
+            words, f"inspect:switch:{part}", is_on=is_switched(intervention, part), hint="See Inside: Change something"
         )
         for part, words in parts.items()
     )
 
 
-def pinned_html(ready: Ready | None, look: AttentionLook | None, inside: InspectState, on_pick: str) -> str:
+def pinned_html(ready: Ready | None, look: AttentionLook | None, slice_: AttentionState) -> str:
     """The pinned maps of the window on show and their difference; nothing while none is pinned."""
-    pins = {slot: pin for slot, pin in (("a", inside.pin_a), ("b", inside.pin_b)) if pin is not None}
+    pins = {slot: pin for slot, pin in (("a", slice_.pin_a), ("b", slice_.pin_b)) if pin is not None}
     attention = ready.attention if ready is not None else None
     if not pins or look is None or ready is None or attention is None:
         return ""
     pins = {slot: pin for slot, pin in pins.items() if pin.site in attention.sites}
-    rows = {slot: pinned_row(ready, attention, pin) for slot, pin in pins.items()}
+    rows = {
+        slot: gathered(rows_of(ready, attention, pin.site, pin.query), pin.head, pin.gather)
+        for slot, pin in pins.items()
+    }
     cells = []
     for slot, pin in pins.items():
         own = AttentionLook(pin.query, None, look.opacity, look.map_range, look.tones, is_linear=look.is_linear)
-        map_ = map_html(attention, rows[slot], own, f"pinned map {slot.upper()}", "", "")
+        map_ = map_html(attention, rows[slot], own, f"pinned map {slot.upper()}", "")
         bits, pixels = map_facts(attention, rows[slot], pin.query)
         words = site_words(pin.site, attention.sites).split(",")[0]
         facts = f"≈ {tokens_words(rows[slot])} tokens · {bits:.1f} bits · {pixels:.0f} px"
-        let_go = button("let go", f"unpin:{slot}", on_pick)
+        let_go = button("let go", f"attention:unpin:{slot}")
         label = (
             f"<b>{slot.upper()}</b> {escape(words)}<br>{head_words(pin.head, pin.gather)}<br>"
             f"from ({pin.query[0]}, {pin.query[1]}) · {facts}"

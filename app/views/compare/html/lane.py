@@ -10,9 +10,12 @@ from jaxtyping import Float32, UInt8
 
 from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.html.moment import ARRAYS, Moment
-from app.html.pictures import Tones
+from app.html.tones import Tones
 from app.html.units import milliseconds, policy
-from app.views.compare.state import Lane
+from app.state.lane import Lane
+from app.views.compare.state import CompareState
+from app.views.page import LaneFrame, Page
+from app.views.reconstruction.state import tones_in
 from etnet.events.denoise import Cleaning
 from etnet.windows import Window
 
@@ -104,6 +107,42 @@ class LaneShown:
     def with_values(self, values: Mapping[str, float] | None) -> LaneShown:
         """The same, with what was measured."""
         return replace(self, values=values)
+
+
+def lanes_of(page: Page) -> tuple[LaneShown, ...]:
+    """All runs of a page, the main one first, with the camera frame that each is held against."""
+    offset = page.state.of(CompareState).offset
+    return tuple(_shown(page, frame, offset) for frame in page.lanes)
+
+
+def _shown(page: Page, frame: LaneFrame, offset: int) -> LaneShown:
+    model = frame.model
+    truth = None if page.moment is None else truth_of(page.moment, frame.window, offset)
+    return LaneShown(
+        frame.number,
+        frame.lane,
+        frame.request,
+        frame.window,
+        frame.num_windows,
+        model.title,
+        model.trained_band,
+        frame.warm_up,
+        tones_in(page.state, model.is_linear_light),
+        truth,
+        frame.ready,
+        frame.working,
+        frame.failed,
+        frame.trouble,
+    )
+
+
+def truth_of(moment: Moment, window: Window | None, offset: int) -> Truth | None:
+    """The camera frame nearest to a window's end, its clock shifted by `offset` µs."""
+    source = moment.recording.ground_truth
+    if source is None or len(source) == 0 or window is None:
+        return None
+    index = source.nearest(window.t_stop - offset)
+    return Truth(index, int(source.stamps[index]) + offset - window.t_stop)
 
 
 def cleaning_words(cleaning: Cleaning) -> str:

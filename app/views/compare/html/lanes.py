@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from app.html.elements import empty, escape, legend, marker, panel, picture
+from app.html.elements import ON_PICK, empty, escape, legend, marker, panel, picture
 from app.html.moment import PICTURES, Moment
-from app.html.pictures import Tones, lag_line, reconstruction_image
+from app.html.pictures import lag_line, reconstruction_image
 from app.html.provenance import density_html
+from app.html.tones import Tones
 from app.html.units import milliseconds, seconds, short
 from app.views.compare.html.lane import SAME_TIME, LaneShown, Truth, truth_frame
 from app.views.compare.state import MOST_LANES, CompareState
@@ -36,14 +37,12 @@ def lanes_html(
     lanes: Sequence[LaneShown],
     view: CompareState,
     query: tuple[int, int] | None = None,
-    *,
-    on_pick: str = "",
 ) -> str:
     """All of the comparison at one moment. Clicks send `cut:x,y,w,h` on a picture, `lane:n`, `lane:add` and so on."""
     if not lanes:
         return ""
     other = lanes[min(view.chosen + 1, len(lanes) - 1)]
-    draw = _Draw(moment, box_of(moment, view.zoom, query), query, _best(lanes), on_pick)
+    draw = _Draw(moment, box_of(moment, view.zoom, query), query, _best(lanes))
     if view.sight in ("wipe", "difference") and len(lanes) > 1:
         picture_ = draw.wipe(lanes[0], other, view.wipe) if view.sight == "wipe" else draw.difference(lanes[0], other)
         cards = [draw.card(lane, other, None) for lane in lanes]
@@ -53,8 +52,8 @@ def lanes_html(
         cards = [draw.card(lane, other, shows) for lane in lanes]
         body = f'<div class="et-lanes">{"".join(cards)}{draw.camera(lanes[0])}</div>'
     more = ""
-    if len(lanes) <= MOST_LANES and on_pick:
-        more = f'<button class="et-back" data-k="lane:add" {on_pick}>Add a lane</button>'
+    if len(lanes) <= MOST_LANES:
+        more = f'<button class="et-back" data-k="compare:add" {ON_PICK}>Add a lane</button>'
     scale = _scale(view, len(lanes)) if view.sight in ("difference", "error") else ""
     lock = f"all at {seconds(moment.seconds[1])} of the recording, each by its window that ends nearest"
     return panel(
@@ -80,14 +79,11 @@ def box_of(moment: Moment, zoom: int, query: tuple[int, int] | None) -> Box:
 class _Draw:
     """Pictures of one moment, all cut to one box."""
 
-    def __init__(
-        self, moment: Moment, box: Box, query: tuple[int, int] | None, best: set[tuple[str, int]], on_pick: str
-    ) -> None:
+    def __init__(self, moment: Moment, box: Box, query: tuple[int, int] | None, best: set[tuple[str, int]]) -> None:
         self._best = best
         self._moment = moment
         self._box = box
         self._query = query
-        self._on_pick = on_pick
 
     def card(self, lane: LaneShown, chosen: LaneShown, shows: Callable[[LaneShown], str] | None) -> str:
         """One lane: its name, its picture (by `shows`), what it was given, its numbers."""
@@ -161,11 +157,11 @@ class _Draw:
     def _head(self, lane: LaneShown) -> str:
         tag = f'<b class="et-tag" style="--hue:{lane.colour}">{lane.name}</b>'
         what = f"{tag}{escape(lane.words)}"
-        if not lane.number or not self._on_pick:
+        if not lane.number:
             return f'<div class="et-lane-head"><span>{what}</span></div>'
         return (
-            f'<div class="et-lane-head"><button data-k="lane:{lane.number - 1}" {self._on_pick}>{what}</button>'
-            f'<button data-k="lane:remove:{lane.number - 1}" {self._on_pick} title="Remove this lane">×</button></div>'
+            f'<div class="et-lane-head"><button data-k="compare:choose:{lane.number - 1}" {ON_PICK}>{what}</button>'
+            f'<button data-k="compare:remove:{lane.number - 1}" {ON_PICK} title="Remove this lane">×</button></div>'
         )
 
     def _url(self, key: tuple[object, ...], make: Callable[[], np.ndarray], is_photograph: bool) -> str:
@@ -185,7 +181,6 @@ class _Draw:
             url,
             alt,
             key=f"cut:{x},{y},{width},{height}",
-            on_pick=self._on_pick,
             marks=marks,
             size=(width, height),
             classes="et-sharp" if width < 200 else "",

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from app.html.elements import empty, escape, panel
+from app.html.elements import ON_PICK, empty, escape, panel
 from app.html.moment import Moment
+from app.html.timeline_marks import curve_of
 from app.html.units import count, rate, seconds, short
 from app.views.compare.html.lane import SAME_TIME, LaneShown
 from app.views.compare.html.lanes import RULES, decimals
 from app.views.compare.state import CompareState
-from app.views.timeline.html import curve_of
 
 if TYPE_CHECKING:
     from app.engine.jobs import JobResult
@@ -72,19 +72,19 @@ def series_of(lane: LaneShown, result: JobResult | None, replays: bool) -> Serie
     return Series(lane, strip.stamps, strip.values, strip.lags, result.share, result.trouble, strip.is_sparse)
 
 
-def scores_html(moment: Moment, series: Sequence[Series], view: CompareState, *, on_pick: str = "") -> str:
+def scores_html(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
     """The chart of one measure, all means, and the chosen lane's worst frames."""
     if not series:
         return ""
     measure = view.measure
     has_it = any(np.isfinite(each.values.get(measure, np.empty(0))).any() for each in series)
-    chart = _chart(moment, series, measure, on_pick) if has_it else _why_empty(series, measure, view)
-    worst = _worst(moment, series[min(view.chosen + 1, len(series) - 1)], measure, on_pick) if has_it else ""
+    chart = _chart(moment, series, measure) if has_it else _why_empty(series, measure, view)
+    worst = _worst(moment, series[min(view.chosen + 1, len(series) - 1)], measure) if has_it else ""
     title = f'<div class="et-lead">{TITLES[measure]}, one curve a lane</div>'
     return panel("scores", title, chart, _progress(series), _means(series), worst, _words(series, view))
 
 
-def _chart(moment: Moment, series: Sequence[Series], measure: str, on_pick: str) -> str:
+def _chart(moment: Moment, series: Sequence[Series], measure: str) -> str:
     span = moment.recording.span
     columns = [each.values.get(measure, np.empty(0)) for each in series]
     known = np.concatenate([column[np.isfinite(column)] for column in columns])
@@ -95,11 +95,11 @@ def _chart(moment: Moment, series: Sequence[Series], measure: str, on_pick: str)
         _line(each, column, span.start, span.stop, low, high) for each, column in zip(series, columns, strict=True)
     )
     duration = span.duration / 1e6
-    picking = f' data-k="span:0,{duration:.6f}" {on_pick}' if on_pick else ""
+    picking = f' data-k="span:0,{duration:.6f}" {ON_PICK}'
     low_words, high_words, last = _value(measure, low), _value(measure, high), seconds(duration, 2)
     at = (moment.window.t_stop - span.start) / max(span.duration, 1)
     return (
-        f'<div class="et-chart{" et-pick" if on_pick else ""}"{picking} data-testid="chart">'
+        f'<div class="et-chart et-pick"{picking} data-testid="chart">'
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">{lines}</svg>'
         f'<span class="et-chart-high">{high_words}</span><span class="et-chart-low">{low_words}</span>'
         f'<i class="et-head-line" style="left:{min(max(at, 0), 1):.3%}"></i></div>'
@@ -190,7 +190,7 @@ def _means(series: Sequence[Series]) -> str:
     return f'<table class="et-means"><tr><th>mean</th>{head}</tr>{rows}</table>'
 
 
-def _worst(moment: Moment, each: Series, measure: str, on_pick: str) -> str:
+def _worst(moment: Moment, each: Series, measure: str) -> str:
     column = each.values.get(measure, np.empty(0))
     if measure in ("rate", "density") or not np.isfinite(column).any():
         return ""
@@ -198,7 +198,7 @@ def _worst(moment: Moment, each: Series, measure: str, on_pick: str) -> str:
     chosen = [i for i in np.argsort(-badness, kind="stable")[:NUM_WORST].tolist() if np.isfinite(badness[i])]
     start = moment.recording.span.start
     buttons = "".join(
-        f'<button class="et-back" data-k="goto:{(int(each.stamps[i]) - start) / 1e6:.6f}" {on_pick}>'
+        f'<button class="et-back" data-k="goto:{(int(each.stamps[i]) - start) / 1e6:.6f}" {ON_PICK}>'
         f"{seconds((int(each.stamps[i]) - start) / 1e6)} · {_value(measure, float(column[i]))}</button>"
         for i in chosen
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from app.html.attention.maps import site_words
 from app.html.controls import (
     button,
     buttons,
@@ -13,9 +14,8 @@ from app.html.controls import (
     under_way,
 )
 from app.html.elements import escape, panel
-from app.html.pictures import Tones
+from app.html.tones import Tones
 from app.html.units import count, milliseconds, resolution, short
-from app.views.attention.html.maps import site_words
 from app.views.inspect.results import Anatomy, Outcome
 from app.views.inspect.state import JITTERS, Change, is_switched
 from etnet.nets.intervention import Intervention
@@ -34,18 +34,17 @@ def change_html(
     key: object,
     tones: Tones,
     is_whole: bool,
-    on_pick: str,
 ) -> str:
     """What is changed and what it does first, then everything that can be switched."""
-    body = [_state(change, index, on_pick)]
+    body = [_state(change, index)]
     if not change.is_nothing:
         if not change.at(index).is_nothing and outcome is not None:
             body.append(_outcome(outcome, key, tones, is_whole))
         elif not change.at(index).is_nothing:
             body.append(under_way(0.0, "computing the image with the change"))
-    body.append(_reach(change, index, on_pick))
-    body += _switches(anatomy, change.intervention, site, on_pick)
-    body.append(_events(change, on_pick))
+    body.append(_reach(change, index))
+    body += _switches(anatomy, change.intervention, site)
+    body.append(_events(change))
     return panel("change", *body)
 
 
@@ -78,7 +77,7 @@ def change_words(change: Change) -> str:
     return " · ".join(said)
 
 
-def _state(change: Change, index: int, on_pick: str) -> str:
+def _state(change: Change, index: int) -> str:
     if change.is_nothing:
         return (
             '<div class="et-note">Switch something off below: the image is made anew and stands here beside the '
@@ -91,7 +90,7 @@ def _state(change: Change, index: int, on_pick: str) -> str:
         )
     return (
         f'<div class="et-changed" data-testid="changed"><span>{escape(change_words(change))}</span>'
-        f"{button('Put everything back', 'back', on_pick, classes='et-strong')}</div>{ahead}"
+        f"{button('Put everything back', 'inspect:reset', classes='et-strong')}</div>{ahead}"
     )
 
 
@@ -125,19 +124,19 @@ def _grey(frame, tones: Tones):
     return tone_map(frame, tones.tone, tones.is_linear_light)
 
 
-def _reach(change: Change, index: int, on_pick: str) -> str:
+def _reach(change: Change, index: int) -> str:
     is_carried = change.since is not None
     start = change.since if change.since is not None else index
-    content = button("in each window by itself", "carry:off", on_pick, is_on=not is_carried) + button(
-        f"from window {count(start)} on", "carry:on", on_pick, is_on=is_carried
+    content = button("in each window by itself", "inspect:carry:off", is_on=not is_carried) + button(
+        f"from window {count(start)} on", "inspect:carry:on", is_on=is_carried
     )
     why = "From a window on: what memory and events were changed to is carried into all later windows."
     return buttons("Reach", content, why)
 
 
-def _switches(anatomy: Anatomy, intervention: Intervention, site: str, on_pick: str) -> list[str]:
+def _switches(anatomy: Anatomy, intervention: Intervention, site: str) -> list[str]:
     def switch(text: str, part: str, hint: str = "") -> str:
-        return button(text, f"switch:{part}", on_pick, is_on=is_switched(intervention, part), hint=hint)
+        return button(text, f"inspect:switch:{part}", is_on=is_switched(intervention, part), hint=hint)
 
     rows: list[str] = []
     if anatomy.scales:
@@ -170,20 +169,18 @@ def _switches(anatomy: Anatomy, intervention: Intervention, site: str, on_pick: 
     return rows
 
 
-def _events(change: Change, on_pick: str) -> str:
+def _events(change: Change) -> str:
     edit = change.edit
     rows: list[str] = []
     for name, words in (("drop", "Drop events"), ("invert", "Invert them"), ("jitter", "Move in time")):
         held = getattr(edit, name)
         content = "".join(
-            button(
-                "none" if not share else f"{share * 100:.0f} %", f"edit:{name}:{share}", on_pick, is_on=held == share
-            )
+            button("none" if not share else f"{share * 100:.0f} %", f"inspect:edit:{name}:{share}", is_on=held == share)
             for share in SHARES
         )
         if name == "jitter":
             content += '<span class="et-note">by up to</span>' + "".join(
-                button(milliseconds(far / 1000), f"edit:jitter_by:{far}", on_pick, is_on=edit.jitter_by == far)
+                button(milliseconds(far / 1000), f"inspect:edit:jitter_by:{far}", is_on=edit.jitter_by == far)
                 for far in JITTERS
             )
         rows.append(buttons(words, content))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from app.html.attention.maps import AttentionLook, Site, map_html, site_words, tokens_words
 from app.html.controls import (
     VISIBLE,
     part_words,
@@ -14,10 +15,9 @@ from app.html.controls import (
     signed_limit,
     signed_picture,
 )
-from app.html.elements import empty, escape, marker, panel
+from app.html.elements import ON_PICK, empty, escape, marker, panel
 from app.html.moment import ARRAYS
 from app.html.units import of_whole, resolution
-from app.views.attention.html.maps import AttentionLook, Site, map_html, site_words, tokens_words
 from app.views.inspect.results import Attended, PartEffect
 
 _ATTENTION = ("TPA", "attention")
@@ -30,21 +30,20 @@ def matters_html(
     chosen: str = "",
     query: tuple[int, int] | None = None,
     is_whole: bool = True,
-    on_pick: str = "",
 ) -> str:
     """A row for each part; the chosen one's effect as a picture. A click on a row sends `inside:set:part:<name>`."""
     if not parts:
         nothing = empty("Nothing to take away", "This network has no transformer and no skip connection to leave out.")
         return panel("matters", nothing)
     shown = next((part for part in parts if part.name == chosen), parts[0])
-    rows = [_head(query), *(_row(part, parts, query, part is shown, on_pick) for part in parts)]
+    rows = [_head(query), *(_row(part, parts, query, part is shown) for part in parts)]
     lead = (
         "Each part of the network is taken away in turn, and this image is made anew. The change is in % of full "
         "brightness."
     )
     verdict = f'<div class="et-say" data-testid="verdict">{escape(_verdict(parts, query))}</div>' if is_whole else ""
     table = f'<div class="et-table">{"".join(rows)}</div>'
-    return panel("matters", f'<div class="et-note">{lead}</div>', verdict, table, _map(shown, key, query, on_pick))
+    return panel("matters", f'<div class="et-note">{lead}</div>', verdict, table, _map(shown, key, query))
 
 
 def attended_html(attended: Attended, site: str, look: AttentionLook, key: object, *, base: str) -> str:
@@ -59,7 +58,7 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
         (handed, "handed over", "‖αvW<sub>O</sub>‖, all heads"),
     ]
     cells = "".join(
-        f'<figure class="et-thumb">{map_html(attention, row, look, words, "", "")}<figcaption class="et-label">'
+        f'<figure class="et-thumb">{map_html(attention, row, look, words, "")}<figcaption class="et-label">'
         f"<b>{words}</b><br>{what}<br>≈ {tokens_words(row)} tokens</figcaption></figure>"
         for row, words, what in maps
     )
@@ -85,9 +84,7 @@ def _head(query: tuple[int, int] | None) -> str:
     return f'<span class="et-note">without</span><span class="et-note">{pixel}</span><span class="et-note">image</span>'
 
 
-def _row(
-    part: PartEffect, parts: tuple[PartEffect, ...], query: tuple[int, int] | None, is_shown: bool, on_pick: str
-) -> str:
+def _row(part: PartEffect, parts: tuple[PartEffect, ...], query: tuple[int, int] | None, is_shown: bool) -> str:
     words, what = part_words(part.name)
     here = "–"
     if query is not None:
@@ -95,7 +92,7 @@ def _row(
         here = f"{signed_bar(_at(part, query), limit)}<b>{percent(_at(part, query))}</b>"
     largest = max(other.mean_absolute for other in parts)
     whole = f"{plain_bar(part.mean_absolute, largest)}<b>{percent(part.mean_absolute, is_signed=False)}</b>"
-    pick = f'data-k="inside:set:part:{escape(part.name)}" {on_pick}' if on_pick else ""
+    pick = f'data-k="set:inspect.part:{escape(part.name)}" {ON_PICK}'
     chosen = " et-on" if is_shown else ""
     return (
         f'<button class="et-part{chosen}" {pick} data-testid="part" aria-pressed="{"true" if is_shown else "false"}"'
@@ -123,14 +120,12 @@ def _verdict(parts: tuple[PartEffect, ...], query: tuple[int, int] | None) -> st
     return f"{decides} Where the transformer looks counts, too: {percent(by_kind['attention'], is_signed=False)}."
 
 
-def _map(part: PartEffect, key: object, query: tuple[int, int] | None, on_pick: str) -> str:
+def _map(part: PartEffect, key: object, query: tuple[int, int] | None) -> str:
     height, width = part.difference.shape
     limit = signed_limit(part.difference)
     marks = marker((query[0] + 0.5) / width, (query[1] + 0.5) / height) if query else ""
     words, what = part_words(part.name)
-    image = signed_picture(
-        part.difference, limit, f"change without {words}", (key, part.name), on_pick=on_pick, marks=marks
-    )
+    image = signed_picture(part.difference, limit, f"change without {words}", (key, part.name), marks=marks)
     caption = f'<div class="et-caption"><span>{escape(words)}: {escape(what)}</span><span>without − with</span></div>'
     return f"{image}{caption}{signed_legend('the image becomes', limit)}"
 

@@ -6,11 +6,11 @@ from typing import get_args
 
 import numpy as np
 
+from app.html.attention.links import LINK_COLOURS
 from app.html.controls import button, buttons, curves, percent, plain_bar
 from app.html.elements import escape, legend, marker, panel, picture, swatch
 from app.html.moment import PICTURES
 from app.html.units import count, of_whole, resolution, short
-from app.views.attention.html.links import LINK_COLOURS
 from app.views.inspect.results import Anatomy, Channels, Norms, Remembered
 from app.views.inspect.state import Plane
 from etnet.render.colours import counting, css_gradient, diverge, diverging, hexadecimal, sequential
@@ -39,15 +39,14 @@ def channels_html(
     plane: Plane,
     chosen: int,
     query: tuple[int, int] | None,
-    on_pick: str,
 ) -> str:
     """Which level and which of its planes; one channel large; the others by energy."""
     levels = "".join(
-        button(f"{resolution(each)}", f"set:level:{each}", on_pick, is_on=each == level)
+        button(f"{resolution(each)}", f"set:inspect.level:{each}", is_on=each == level)
         for each in range(anatomy.num_levels, 0, -1)
     )
     planes = "".join(
-        button(PLANES[word][0], f"set:plane:{word}", on_pick, is_on=word == plane) for word in get_args(Plane)
+        button(PLANES[word][0], f"set:inspect.plane:{word}", is_on=word == plane) for word in get_args(Plane)
     )
     head = buttons("Level at", levels) + buttons("Show", planes, PLANES[plane][1])
     if channels is None:
@@ -72,7 +71,7 @@ def channels_html(
         url = PICTURES.text(("channel tile", key, number), lambda number=number: _url(channels, number, limit, _WIDTH))
         on = " et-chosen" if number == chosen else ""
         tile = picture(
-            url, f"channel {channels.order[number]}", key=f"inside:set:channel:{number}", on_pick=on_pick,
+            url, f"channel {channels.order[number]}", key=f"inside:set:channel:{number}",
             size=(columns, rows),
         )  # fmt: skip
         cells.append(f'<div class="et-thumb{on}">{tile}<span class="et-label">{channels.order[number]}</span></div>')
@@ -96,7 +95,7 @@ def norms_html(norms: Norms) -> str:
     return panel("norms", *parts, f'<div class="et-swatches" data-testid="norms-now">{keys}</div>')
 
 
-def remembered_html(found: Remembered, key: object, query: tuple[int, int] | None, on_pick: str) -> str:
+def remembered_html(found: Remembered, key: object, query: tuple[int, int] | None) -> str:
     """A map of how many windows each pixel needs, and the mean error of each depth."""
     height, width = found.needed.shape
     deepest = found.depths[-1]
@@ -109,9 +108,7 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
 
     marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
     url = PICTURES.text(("remembered", key, found.depths), make)
-    image = picture(
-        url, "windows of memory each pixel needs", key="pixel", on_pick=on_pick, size=(width, height), marks=marks
-    )
+    image = picture(url, "windows of memory each pixel needs", key="pixel", size=(width, height), marks=marks)
     ticks = [(float(np.log2(1 + depth) / np.log2(1 + max(deepest, 1))), f"{depth}") for depth in found.depths]
     scale = legend("windows before this one that are needed", css_gradient(sequential()), ticks)
     more = float((found.needed < 0).mean())

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from app.engine.requests import Ready
+from app.html.attention.maps import AttentionLook, map_html, map_legend, site_words, tokens_words
 from app.html.controls import LINE, button, buttons, curves, plain_bar
 from app.html.elements import escape, legend, panel, picture
 from app.html.moment import PICTURES
 from app.html.units import count, fraction, milliseconds, of_whole, resolution
-from app.views.attention.html.maps import AttentionLook, map_html, map_legend, site_words, tokens_words
 from app.views.inspect.results import Followed, RolledOut
 from etnet.render.attention import HIGHEST, LOWEST, log_level
 from etnet.render.colours import css_gradient, sequential
@@ -19,14 +19,12 @@ DISCARDS = (0, 50, 90)
 """Per cent of the smallest weights that can be left out."""
 
 
-def rolled_html(
-    rolled: RolledOut | None, ready: Ready, look: AttentionLook, discard: int, base: str, on_pick: str
-) -> str:
+def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, discard: int, base: str) -> str:
     """How much of the pixel's token comes in through which scale and place; the choice alone before that."""
     choice = buttons(
         "Leave out",
         "".join(
-            button(f"{share} %" if share else "nothing", f"set:discard:{share}", on_pick, is_on=share == discard)
+            button(f"{share} %" if share else "nothing", f"set:inspect.discard:{share}", is_on=share == discard)
             for share in DISCARDS
         ),
         "the smallest weights of every row, before they are multiplied",
@@ -43,13 +41,13 @@ def rolled_html(
     cells: list[str] = []
     for scale, weights, share in zip(rolled.scales, rolled.weights, shares, strict=True):
         row = weights / max(float(share), 1e-20)
-        map_ = map_html(attention, row, look, f"rollout of scale {scale}", "", "")
+        map_ = map_html(attention, row, look, f"rollout of scale {scale}", "")
         cells.append(
             f'<figure class="et-thumb">{map_}<figcaption class="et-label"><b>{resolution(scale)}</b><br>'
             f"≈ {tokens_words(row)} tokens</figcaption></figure>"
         )
     total = rolled.weights.sum(0)
-    whole = map_html(attention, total, look, "rollout of all scales", "", "")
+    whole = map_html(attention, total, look, "rollout of all scales", "")
     bars = "".join(
         f'<span class="et-note">comes in at {resolution(scale)}</span>'
         f'<span class="et-measure">{plain_bar(float(share), 1.0)}<b>{of_whole(share, 1)}</b></span>'

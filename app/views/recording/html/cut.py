@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.html.elements import escape, panel
+from app.html.elements import ON_PICK, escape, panel
 from app.html.moment import Moment
 from app.html.units import count
 from app.views.recording.state import RecordingState
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from app.engine.jobs import JobResult
 
 
-def excerpt_html(moment: Moment, view: RecordingState, result: JobResult | None, *, on_pick: str = "") -> str:
+def excerpt_html(moment: Moment, view: RecordingState, result: JobResult | None) -> str:
     """Two marks, what lies between them, and the button that makes a file of it."""
     title = "<h4>Cut out a stretch</h4>"
     if view.cut is not None and (result is None or not result.trouble):
         share = 0.0 if result is None else result.share
         bar = f'<div class="et-bar"><i style="width:{share:.0%}"></i></div>'
         lag = f'<div class="et-lag"><span>being cut out, {share:.0%}</span>{bar}</div>'
-        return panel("cut", title, lag, _button("leave", "Cancel", on_pick))
-    marks = _button("from", "From here", on_pick) + _button("to", "To here", on_pick)
+        return panel("cut", title, lag, _button("drop", "Cancel"))
+    marks = _button("from", "From here") + _button("to", "To here")
     is_marked = view.excerpt.is_marked and view.excerpt.recording_id == moment.recording_id
-    cut = _button("cut", "Cut and download", on_pick, "et-strong") if is_marked else ""
+    cut = _button("trim", "Cut and download", "et-strong") if is_marked else ""
     trouble = ""
     if view.cut is not None and result is not None:
         trouble = f'<div class="et-failed" role="alert">{escape(result.trouble)}</div>'
@@ -42,5 +42,5 @@ def _said(moment: Moment, view: RecordingState) -> str:
     return f"{where}, {count(max(last - first, 0))} events{frames}; an HDF5 file (event_utils), stamps as they are."
 
 
-def _button(word: str, text: str, on_pick: str, classes: str = "") -> str:
-    return f'<button class="et-button {classes}" data-k="source:{word}" {on_pick}>{text}</button>'
+def _button(word: str, text: str, classes: str = "") -> str:
+    return f'<button class="et-button {classes}" data-k="recording:{word}" {ON_PICK}>{text}</button>'

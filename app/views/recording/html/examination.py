@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from app.html.elements import empty, escape, panel, picture
+from app.html.elements import ON_PICK, empty, escape, panel, picture
 from app.html.moment import PICTURES, Moment
 from app.html.units import count, of_whole, rate, seconds
 from etnet.render.colours import css_gradient, sequential
@@ -21,20 +21,20 @@ MOST_HOT = 12
 SIDE = 360
 """Pixels of the count image's longer side; smaller sensors are enlarged, each pixel whole."""
 _KINDS = (("repaired", "Repaired"), ("assumed", "Assumed"), ("detected", "Detected"))
-_CLOSE = '<button class="et-button" data-k="source:examine:off" {}>Close the examination</button>'
-_OPEN = '<button class="et-button" data-k="source:examine:on" {}>Examine this recording</button>'
+_CLOSE = f'<button class="et-button" data-k="set:recording.examines:False" {ON_PICK}>Close the examination</button>'
+_OPEN = f'<button class="et-button" data-k="set:recording.examines:True" {ON_PICK}>Examine this recording</button>'
 _COLUMNS, _HIGH = 400, 100
 
 
-def closed_html(on_pick: str = "") -> str:
+def closed_html() -> str:
     """The way in. Nothing is computed before it is taken."""
     note = "Its rate, its pixels, its clock, and what was repaired or assumed: its events are looked through once."
-    return panel("doctor", _OPEN.format(on_pick), f'<div class="et-note">{note}</div>')
+    return panel("doctor", _OPEN, f'<div class="et-note">{note}</div>')
 
 
-def doctor_html(moment: Moment, result: JobResult | None, *, on_pick: str = "") -> str:
+def doctor_html(moment: Moment, result: JobResult | None) -> str:
     """The page, or how far it is."""
-    close = _CLOSE.format(on_pick)
+    close = _CLOSE
     if result is not None and result.trouble:
         return panel("doctor", close, empty("Cannot be examined", result.trouble))
     if result is None or result.value is None:
@@ -48,8 +48,8 @@ def doctor_html(moment: Moment, result: JobResult | None, *, on_pick: str = "") 
         close,
         "".join(f'<div class="et-warning" data-testid="advice">{escape(said)}</div>' for said in found.advice),
         _rows(found),
-        PICTURES.text(("doctor", moment.recording_id, on_pick), lambda: _pictures(found, on_pick)),
-        _hot(found, on_pick),
+        PICTURES.text(("doctor", moment.recording_id), lambda: _pictures(found)),
+        _hot(found),
         _told(found),
     )
 
@@ -105,10 +105,10 @@ def _frames(found: Examination) -> str:
     return f"{size}, {frames.frames_per_second:.1f} a second; {clock}"
 
 
-def _pictures(found: Examination, on_pick: str) -> str:
+def _pictures(found: Examination) -> str:
     length = (found.stop - found.start) / 1e6
-    at = f'data-k="span:0,{length}" {on_pick}' if on_pick else ""
-    pickable = " et-pick" if on_pick else ""
+    at = f'data-k="span:0,{length}" {ON_PICK}'
+    pickable = " et-pick"
     rates = _bars(np.asarray(found.rates))
     steps = _bars(np.log1p(np.asarray(found.step_counts)))
     ticks = "".join(
@@ -116,12 +116,12 @@ def _pictures(found: Examination, on_pick: str) -> str:
         for i, edge in enumerate(found.step_edges)
         if i % 3 == 0
     )
-    go = "<span>click to go there</span>" if on_pick else ""
+    go = "<span>click to go there</span>"
     return (
         f"<h4>Rate, up to {rate(found.peak_rate)}</h4>"
         f'<div class="et-chart et-short{pickable}" data-testid="rates" {at}>{rates}</div>'
         f'<div class="et-caption et-ends"><span>0 s</span>{go}<span>{seconds(length)}</span></div>'
-        f"<h4>Events of each {'pixel' if found.cell == 1 else 'cell'}</h4>{_counts(found, on_pick)}"
+        f"<h4>Events of each {'pixel' if found.cell == 1 else 'cell'}</h4>{_counts(found)}"
         f"<h4>From one event to the next</h4>"
         f'<div class="et-chart et-short" data-testid="steps">{steps}</div>'
         f'<div class="et-caption et-steps">{ticks}</div>'
@@ -149,7 +149,7 @@ def _bars(heights: np.ndarray) -> str:
     return f'<svg viewBox="0 0 {_COLUMNS} {_HIGH}" preserveAspectRatio="none" aria-hidden="true">{drawn}</svg>'
 
 
-def _counts(found: Examination, on_pick: str) -> str:
+def _counts(found: Examination) -> str:
     fired = found.count_image[found.count_image > 0]
     limit = float(np.percentile(fired, 99.5)) if fired.size else 1.0
     image = sequential()[(np.clip(found.count_image / limit, 0, 1) * 255).astype(np.uint8)]
@@ -160,7 +160,6 @@ def _counts(found: Examination, on_pick: str) -> str:
         data_url(image, is_lossless=True),
         "events of each pixel",
         key="pixel",
-        on_pick=on_pick,
         size=size,
         classes="et-wide",
     )
@@ -171,11 +170,11 @@ def _counts(found: Examination, on_pick: str) -> str:
     )
 
 
-def _hot(found: Examination, on_pick: str) -> str:
+def _hot(found: Examination) -> str:
     if not found.hot_pixels:
         return ""
     listed = "".join(
-        f'<button class="et-button" data-k="at:{pixel.x},{pixel.y}" {on_pick}>({pixel.x}, {pixel.y}) · '
+        f'<button class="et-button" data-k="at:{pixel.x},{pixel.y}" {ON_PICK}>({pixel.x}, {pixel.y}) · '
         f"{count(pixel.num_events)}</button>"
         for pixel in found.hot_pixels[:MOST_HOT]
     )

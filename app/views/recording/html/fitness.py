@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.html.elements import empty, escape, panel
+from app.html.elements import ON_PICK, empty, escape, panel
 from app.html.moment import ARRAYS, Moment
 from app.html.provenance import ModelFacts
 from app.html.units import count, milliseconds, short
@@ -23,7 +23,7 @@ Row = tuple[str, str, float | None, str, str]
 """What, the value in words, as a number, the card's key for its range, what it means."""
 
 
-def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts, *, on_pick: str = "") -> str:
+def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts) -> str:
     """One row a property: measured, trained range, verdict. A click on a hot pixel goes to it."""
     if result is None or result.value is None:
         if result is not None and result.trouble:
@@ -34,7 +34,7 @@ def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts, *,
     busy = "" if result.is_whole else f'<div class="et-bar"><i style="width:{result.share:.0%}"></i></div>'
     head = "<tr><th>property</th><th>measured</th><th>trained on</th></tr>"
     title = f'<div class="et-lead">Is this what “{escape(model.title)}” was trained for?</div>'
-    hot = _hot(found, on_pick) if result.share >= 0.8 else ""
+    hot = _hot(found) if result.share >= 0.8 else ""
     lean = '<div class="et-note">Ranges are those on the weights’ card; where it gives none, nothing is guessed.</div>'
     return panel("fitness", title, busy, f'<table class="et-fit">{head}{rows}</table>', lean, hot)
 
@@ -103,19 +103,24 @@ def _density(moment: Moment) -> float:
     return ARRAYS.get(("median density", *plan_of(moment)), make)
 
 
-def _hot(found: Fitness, on_pick: str) -> str:
+def _hot(found: Fitness) -> str:
     cleaned = (
-        f'<button class="et-back" data-k="lane:cleaned" {on_pick}>Compare with a lane of cleaned events</button>'
-        if on_pick
-        else ""
+        f'<button class="et-back" data-k="compare:cleaned" {ON_PICK}>Compare with a lane of cleaned events</button>'
     )
     if not found.hot:
         return f'<div class="et-note">No hot pixels: none fires 10 times more than all its neighbours.</div>{cleaned}'
     listed = "".join(
-        f'<button class="et-back" data-k="at:{pixel.x},{pixel.y}" {on_pick}>({pixel.x}, {pixel.y}) · '
+        f'<button class="et-back" data-k="at:{pixel.x},{pixel.y}" {ON_PICK}>({pixel.x}, {pixel.y}) · '
         f"{count(pixel.num_events)}</button>"
         for pixel in found.hot[:MOST_HOT]
     )
     more = f", the worst {MOST_HOT} of them" if len(found.hot) > MOST_HOT else ""
     title = f"{count(len(found.hot))} hot pixels{more} · events each · click to go there"
     return f'<div class="et-note">{title}</div><div class="et-chips" data-testid="hot">{listed}</div>{cleaned}'
+
+
+def fitness_button_html() -> str:
+    """The way to the sensor statistics while they are not computed."""
+    button = f'<button class="et-button" data-k="set:recording.fits:True" {ON_PICK}>Sensor statistics</button>'
+    note = '<div class="et-note">Sensor statistics vs training range: noise, contrast, hot pixels, density.</div>'
+    return panel("fit", f'<div class="et-chips">{button}</div>', note)

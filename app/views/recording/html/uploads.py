@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.html.elements import escape, panel
+from app.html.elements import ON_PICK, escape, panel
 
 if TYPE_CHECKING:
     from app.catalogue.visitor_uploads import UploadsShown
@@ -13,11 +13,11 @@ _CHOOSE = '<button class="et-button" data-etv-upload>Open a file of yours</butto
 _STOP = '<button class="et-button" data-etv-upload-stop>Stop</button>'
 
 
-def handing_html(desk: UploadsShown, on_pick: str = "") -> str:
+def handing_html(desk: UploadsShown) -> str:
     """The panel of the page's own tab."""
     files = "".join(
         f'<div class="et-file"><span>{escape(file.title)}</span><span class="et-note">{escape(file.size)}</span>'
-        f'<button class="et-button" data-k="remove:{escape(file.id)}" {on_pick}>Remove</button></div>'
+        f'<button class="et-button" data-k="remove:{escape(file.id)}" {ON_PICK}>Remove</button></div>'
         for file in desk.files
     )
     note = (

@@ -8,23 +8,22 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from app.engine.downloads import LARGEST, PATIENCE, Download, plain_name
 from app.engine.file_writer import Writer
 from app.engine.jobs import Job
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.state.view_state import ViewState
-from app.views.export.jobs import LARGEST, PATIENCE, Made, plain_name
-from app.views.recording.state import TrimOrder
+from app.views.recording.state import TRIM_SLOT, RecordingState, TrimOrder
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
 
-SLOT = "source/cut"
 _ADVICE = "mark a shorter stretch, or use `etnet cut`"
 
 
 @dataclass(frozen=True, slots=True)
-class Cutting:
-    """The job that makes the file. Its answer is `None` until it is a `Made`."""
+class TrimJob:
+    """The job that makes the file. Its answer is `None` until it is a `Download`."""
 
     order: TrimOrder
 
@@ -34,7 +33,7 @@ class Cutting:
         order = self.order
         return FrameRequest(order.excerpt.recording_id, order.model_id, order.precision, order.policy, 0)
 
-    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Made | None, float]]:
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Download | None, float]]:
         """A moment's wait for the writer between two yields; it needs no step of the network."""
         recording = loaded.playback.recording
         with tempfile.TemporaryDirectory(prefix="etnet-cut-") as folder:
@@ -47,13 +46,14 @@ class Cutting:
                 writer.raise_failure()
             finally:
                 writer.stop()
-            made = Made(path.name, path.read_bytes())
+            made = Download(path.name, path.read_bytes())
         yield made, 1.0
 
 
 def trim_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
     """The cut that was ordered, if any."""
-    return {} if state.source.cut is None else {SLOT: Cutting(state.source.cut)}
+    order = state.of(RecordingState).cut
+    return {} if order is None else {TRIM_SLOT: TrimJob(order)}
 
 
 def _write(order: TrimOrder, recording: Recording, path: Path, writer: Writer) -> None:

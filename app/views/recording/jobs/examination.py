@@ -9,13 +9,14 @@ from app.engine.jobs import Job
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.state.view_state import ViewState
+from app.views.recording.state import RecordingState
 from etnet.events.examine import Examination, look_through
 
-SLOT = "source/doctor"
+SLOT = "recording.statistics"
 
 
 @dataclass(frozen=True, slots=True)
-class DoctorStudy:
+class ExaminationJob:
     """A job: the recording's `Examination`. It is the same for every network and for every cut into windows."""
 
     recording_id: str
@@ -28,6 +29,6 @@ class DoctorStudy:
 
 def examination_jobs(state: ViewState, request: FrameRequest) -> dict[str, Job]:
     """Asked while the doctor's page is open."""
-    if not state.source.examines:
+    if not state.of(RecordingState).examines:
         return {}
-    return {SLOT: DoctorStudy(state.recording_id, replace(request.plain, index=0))}
+    return {SLOT: ExaminationJob(state.recording_id, replace(request.plain, index=0))}

@@ -9,13 +9,14 @@ from app.engine.jobs import Job
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.state.view_state import ViewState
+from app.views.recording.state import RecordingState
 from etnet.events.fitness import Fitness, measure_fitness
 
-SLOT = "compare/fit"
+SLOT = "recording.fitness"
 
 
 @dataclass(frozen=True, slots=True)
-class FitStudy:
+class FitnessJob:
     """A job: the recording's `Fitness`."""
 
     request: FrameRequest
@@ -26,7 +27,7 @@ class FitStudy:
 
 
 def fitness_jobs(state: ViewState, request: FrameRequest) -> dict[str, Job]:
-    """Asked while its inspector is open."""
-    if state.compare.inspector != "fit":
+    """Asked while the sensor statistics are open."""
+    if not state.of(RecordingState).fits:
         return {}
-    return {SLOT: FitStudy(replace(request.plain, index=0))}
+    return {SLOT: FitnessJob(replace(request.plain, index=0))}

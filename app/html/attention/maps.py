@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from app.engine.requests import Ready
-from app.html.elements import legend, marker, picture
+from app.html.attention.look import AttentionLook, Direction, Gather
+from app.html.elements import empty, escape, legend, marker, panel, picture
 from app.html.moment import ARRAYS, PICTURES
-from app.html.pictures import Tones, reconstruction_image
+from app.html.pictures import reconstruction_image
+from app.html.tones import Tones
 from app.html.units import count, fraction, resolution
-from app.state.view_state import ViewState
-from app.views.inspect.state import Direction, Gather, Order, PinnedMap
 from etnet.render.attention import (
     HIGHEST,
     LOWEST,
@@ -34,7 +33,6 @@ from etnet.render.encode import data_url
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
 
-MapRange = Literal["shared", "per map"]
 BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
 GATHERED: dict[Gather, str] = {
@@ -42,41 +40,6 @@ GATHERED: dict[Gather, str] = {
     "max": "largest of all heads",
     "min": "smallest of all heads",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class AttentionLook:
-    """How attention is shown: from which pixel, one head or all gathered (`None`), and how it is coloured."""
-
-    query: tuple[int, int]
-    head: int | None = None
-    opacity: float = 1.0
-    map_range: MapRange = "shared"
-    tones: Tones = field(default_factory=Tones)
-    gather: Gather = "mean"
-    order: Order = "network"
-    direction: Direction = "reads"
-    is_linear: bool = False
-    is_smooth: bool = False
-
-    @staticmethod
-    def of(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
-        """As a visitor chose; `None` until he has chosen a pixel."""
-        if state.query is None:
-            return None
-        inside = state.inside
-        return AttentionLook(
-            state.query,
-            state.head,
-            state.overlay,
-            state.map_range,
-            Tones.of(state, is_linear_light),
-            inside.gather,
-            inside.order,
-            inside.direction if state.opens_heads else "reads",
-            inside.is_linear,
-            inside.is_smooth,
-        )
 
 
 class Site(NamedTuple):
@@ -144,11 +107,6 @@ def gathered(rows: Float[np.ndarray, "heads tokens"], head: int | None, gather: 
     return rows.mean(0) if gather == "mean" else rows.max(0) if gather == "max" else rows.min(0)
 
 
-def pinned_row(ready: Ready, attention: Attention, pinned: PinnedMap) -> Float[np.ndarray, " tokens"]:
-    """The map of a pin, in the window on show."""
-    return gathered(rows_of(ready, attention, pinned.site, pinned.query), pinned.head, pinned.gather)
-
-
 def head_words(head: int | None, gather: Gather, num_heads: int | None = None) -> str:
     """ "head 3", or "mean of all heads"."""
     return GATHERED[gather] if head is None or (num_heads is not None and head >= num_heads) else f"head {head + 1}"
@@ -194,7 +152,7 @@ def over_frame(
     return composite(grey, tokens, grid.top, grid.left, patch_size(), query, look.is_smooth)
 
 
-def map_html(attention: Attention, row: np.ndarray, look: AttentionLook, alt: str, key: str, on_pick: str) -> str:
+def map_html(attention: Attention, row: np.ndarray, look: AttentionLook, alt: str, key: str) -> str:
     """A small map: a token is a few whole pixels, over the frame that the panel's `--base` names."""
     grid = attention.grid
     row_at, column_at = divmod(grid.token_at(*look.query), grid.columns)
@@ -202,7 +160,7 @@ def map_html(attention: Attention, row: np.ndarray, look: AttentionLook, alt: st
     url = data_url(tokens_of(attention, row, look), is_lossless=True)
     classes = "et-map et-smooth" if look.is_smooth else "et-map"
     size = (grid.columns, grid.rows)
-    return picture(url, alt, key=key, on_pick=on_pick, marks=marks, size=size, classes=classes)
+    return picture(url, alt, key=key, marks=marks, size=size, classes=classes)
 
 
 def map_legend(look: AttentionLook) -> str:
@@ -247,3 +205,37 @@ def patch_size() -> int:
     from etnet.nets.padding import PATCH  # needs torch, which is there once attention is
 
     return PATCH
+
+
+def attention_image(ready: Ready, look: AttentionLook, site: str) -> UInt8[np.ndarray, "h w 3"] | None:
+    """One map over the dimmed frame at sensor size, the query marked; `None` where this site was not probed."""
+    if ready.attention is None or site not in ready.attention.sites:
+        return None
+    row = row_of(ready, ready.attention, site, look)
+    return ARRAYS.get(
+        ("attention image", ready.key, look, site), lambda: over_frame(ready, look, row, look.query), _nbytes
+    )
+
+
+def places_html(ready: Ready | None, look: AttentionLook | None, site: str) -> str:
+    """One map alone, large, for those who do not ask for more; says what to do when there is nothing to show."""
+    attention = None if ready is None else ready.attention
+    if look is None:
+        return panel("places", empty("Touch a picture", "Then this shows what the network reads to redraw that spot."))
+    if ready is None or attention is None or site not in attention.sites:
+        return panel("places", empty("One moment", "It is computed together with the next image."))
+
+    def make() -> str:
+        image = attention_image(ready, look, site)
+        assert image is not None
+        height, width = ready.frame.shape
+        name = f"What pixel {look.query} reads"
+        shown = picture(data_url(image, is_lossless=False), name, key="pixel", size=(width, height))
+        words = site_words(site, attention.sites)
+        return f'{shown}<div class="et-note">{escape(words)}</div>'
+
+    return panel("places", PICTURES.text(("places", ready.key, look, site), make))
+
+
+def _nbytes(array: np.ndarray) -> int:
+    return array.nbytes

@@ -1,19 +1,20 @@
-"""The demo in public: large live pictures that captions point at, and buttons a finger cannot miss."""
+"""The demo: large live pictures that captions point at, and buttons a finger cannot miss."""
 
 from __future__ import annotations
 
 from html import escape
 
-import viser
-
 from app.catalogue.recording_id import listed_id
+from app.html.attention.maps import places_html
+from app.html.elements import ON_PICK
 from app.html.pictures import camera_frame_html, event_image_html
-from app.session.channel import ON_PICK
-from app.views.attention.html.grid import places_html
-from app.views.demo.state import Act
-from app.views.reconstruction.panel import reconstruction
+from app.views.attention.state import AttentionState, look_of
+from app.views.demo.state import Act, DemoState
+from app.views.events.state import EventsState
+from app.views.page import Page
+from app.views.reconstruction.html import reconstruction_of
+from app.views.reconstruction.state import tones_of
 from app.views.recording.html.uploads import public_handing_html
-from app.views.view import Dispatch, Html, Page
 
 SAYINGS: dict[Act, tuple[str, str]] = {
     "events": (
@@ -25,40 +26,30 @@ SAYINGS: dict[Act, tuple[str, str]] = {
         "A neural network paints this from the changes alone. It never sees the camera.",
     ),
     "places": (
-        "Places it compares with",
+        "Where the network looks",
         "To redraw the spot under the cross, the network reads the places that glow.",
     ),
 }
 """What stands above each picture, and what is said while the demo points at it."""
 _CAMERA = ("Ordinary camera, to compare", "Touch a picture to see which places the network compares that spot with.")
-_YOURS = "It is yours. Drag the strip below, or touch a picture."
-_INSIDE = f'<button class="etv-big" data-k="workspace:attention" {ON_PICK}>Look inside the network</button>'
+_YOURS = "Your turn. Drag the strip below, or touch a picture."
+_INSIDE = f'<button class="etv-big" data-k="workspace:attention" {ON_PICK}>Where the network looks</button>'
 
 
-class PublicDemo:
+def demo_html(page: Page) -> str:
     """Three live pictures; while nobody touches the page one of them is pointed at."""
-
-    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """The theme lets it fill the page. The buttons are an element of their own: pictures come and go below them."""
-        self._bar = Html(gui)
-        self._pictures = Html(gui)
-
-    def show(self, page: Page) -> None:
-        """Nothing is drawn while another workspace is on show."""
-        is_shown = page.state.workspace == "demo"
-        self._bar.show(_bar(page) if is_shown else "")
-        if not is_shown or page.moment is None:
-            self._pictures.show('<div class="etv-demo"></div>')
-            return
-        act = page.state.show.act
-        shown = [
-            _figure("events", act, event_image_html(page.moment, page.state.event_image, on_pick=ON_PICK)),
-            _figure("image", act, reconstruction(page)),
-            _third(page),
-        ]
-        self._pictures.show(
-            f'<div class="etv-demo etv-public" data-testid="demo" data-act="{act}">{"".join(shown)}</div>'
-        )
+    moment = page.moment
+    if moment is None:
+        return '<div class="etv-demo"></div>'
+    act = page.state.of(DemoState).act
+    style = page.state.of(EventsState).event_image
+    shown = [
+        _figure("events", act, event_image_html(moment, style)),
+        _figure("image", act, reconstruction_of(page)),
+        _third(page),
+    ]
+    public = " etv-public" if page.state.is_public else ""
+    return f'<div class="etv-demo{public}" data-testid="demo" data-act="{act}">{"".join(shown)}</div>'
 
 
 def caption_html(act: Act) -> str:
@@ -71,17 +62,19 @@ def caption_html(act: Act) -> str:
 
 def compact_html(page: Page) -> str:
     """The demo on a phone: what is said of the picture on show and the invitation, or what there is to choose from."""
-    return f'<div class="etv-compact">{caption_html(page.state.show.act)}{_bar(page, ways_inside="")}</div>'
+    return (
+        f'<div class="etv-compact">{caption_html(page.state.of(DemoState).act)}{bar_html(page, ways_inside="")}</div>'
+    )
 
 
 def _third(page: Page) -> str:
     """The ordinary camera until somebody asks where the network looks, then what it reads from there."""
-    act = page.state.show.act
+    act = page.state.of(DemoState).act
     assert page.moment is not None
     if page.state.query is not None or page.moment.recording.ground_truth is None:
-        return _figure("places", act, places_html(page.ready, page.look, page.state.site, on_pick=ON_PICK))
+        return _figure("places", act, places_html(page.ready, look_of(page), page.state.of(AttentionState).site))
     title, words = _CAMERA
-    camera = camera_frame_html(page.moment, tones=page.tones, on_pick=ON_PICK)
+    camera = camera_frame_html(page.moment, tones=tones_of(page))
     saying = words if act == "none" else ""
     return f"<figure><h2>{title}</h2>{camera}<figcaption>{saying}</figcaption></figure>"
 
@@ -95,16 +88,16 @@ def _figure(name: Act, act: Act, content: str) -> str:
     return f"<figure{mark}><h2>{title}</h2>{content}<figcaption>{saying}</figcaption></figure>"
 
 
-def _bar(page: Page, ways_inside: str = _INSIDE) -> str:
+def bar_html(page: Page, ways_inside: str = _INSIDE) -> str:
     """Who leads, the recordings to choose from, and the way inside."""
-    if page.state.show.act != "none":
+    if page.state.of(DemoState).act != "none":
         return '<div class="etv-bar" data-testid="invitation"><b>Touch anything to try it yourself</b></div>'
     recordings = "".join(
         f'<button class="etv-big{" etv-chosen" if choice.id == listed_id(page.state.recording_id) else ""}" '
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'
         for choice in page.recordings
     )
-    own = "" if page.desk is None else public_handing_html(page.desk)
+    own = "" if page.uploads is None else public_handing_html(page.uploads)
     return (
         f'<div class="etv-bar" data-testid="yours"><span>{_YOURS}</span>'
         f'<span class="etv-choices">{recordings}{ways_inside}{own}</span></div>'

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from app.state import intents as ask
 from app.state.view_state import ViewState
-from app.views.compare.state import CompareIntent
-from app.views.demo.state import Act, DemoState, PointAt
-from app.views.inspect.state import InspectIntent
-from app.views.recording.state import RecordingIntent
+from app.views.attention.state import AttentionState
+from app.views.demo.state import Act, PointAt
+from app.views.scene.state import SceneState
+from app.views.view import View
 
 IDLE = 60.0
 """Seconds without a touch after which the page belongs to the next visitor."""
@@ -27,16 +28,18 @@ STALLED = 20.0
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
 """Where the third act looks from, as fractions of the picture."""
-FORBIDDEN = (
-    ask.ReopenRecording
-    | ask.ChooseModel
-    | ask.ChoosePrecision
-    | ask.ChoosePolicy
-    | InspectIntent
-    | CompareIntent
-    | RecordingIntent
-)
+_FORBIDDEN = ask.ReopenRecording | ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy
 """What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
+
+
+def may_ask(intent: Any, views: Sequence[View]) -> bool:
+    """Whether a visitor in public may ask for this: of the page most, of a view all, if it is a public one."""
+    if isinstance(intent, _FORBIDDEN):
+        return False
+    if isinstance(intent, ask.Set):
+        return any(view.name == intent.view and view.is_public for view in views)
+    home = type(intent).__module__
+    return all(view.is_public for view in views if type(view.initial).__module__ == home)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +110,9 @@ class DemoScript:
                 yield from steps_of(recording_id)
 
 
-def intents_of(beat: DemoStep, state: ViewState) -> tuple[ask.Intent, ...]:
+def intents_of(beat: DemoStep, state: ViewState) -> tuple[Any, ...]:
     """What a beat asks of the page when it begins."""
-    intents: list[ask.Intent] = [PointAt(beat.act)]
+    intents: list[Any] = [PointAt(beat.act)]
     if beat.plays != state.is_playing:
         intents.append(ask.TogglePlay())
     if beat.place is not None:
@@ -119,14 +122,8 @@ def intents_of(beat: DemoStep, state: ViewState) -> tuple[ask.Intent, ...]:
 
 def public_view(default: ViewState) -> ViewState:
     """How a public page begins: large pictures, each shown when the network has made it."""
-    return replace(
-        default,
-        workspace="demo",
-        waits_for_frames=True,
-        camera="front",
-        map_range="per map",
-        show=DemoState(is_demo=True),
-    )
+    public = replace(default, workspace="demo", waits_for_frames=True, is_public=True)
+    return public.put(AttentionState(map_range="per map"), SceneState(camera="front"))
 
 
 class Throttle:

@@ -1,0 +1,29 @@
+"""How attention is shown: a value that all maps are drawn by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from app.html.tones import Tones
+
+Gather = Literal["mean", "max", "min"]
+Order = Literal["network", "entropy", "distance"]
+Direction = Literal["reads", "read by"]
+MapRange = Literal["shared", "per map"]
+
+
+@dataclass(frozen=True, slots=True)
+class AttentionLook:
+    """How attention is shown: from which pixel, one head or all gathered (`None`), and how it is coloured."""
+
+    query: tuple[int, int]
+    head: int | None = None
+    opacity: float = 1.0
+    map_range: MapRange = "shared"
+    tones: Tones = field(default_factory=Tones)
+    gather: Gather = "mean"
+    order: Order = "network"
+    direction: Direction = "reads"
+    is_linear: bool = False
+    is_smooth: bool = False

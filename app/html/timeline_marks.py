@@ -1,0 +1,42 @@
+"""What every strip along the timeline needs: what is cached, the event rate, what tells one plan from another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from app.html.moment import ARRAYS, Moment
+from etnet.render.timeline import RateCurve, rate_curve
+
+
+class Cached(Protocol):
+    """What a playback holds, as ranges of window indices."""
+
+    @property
+    def frames(self) -> Sequence[range]:
+        """Windows whose frame is held."""
+        ...
+
+    @property
+    def states(self) -> Sequence[range]:
+        """Windows whose recurrent state is held: their frames take one decode."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class NothingCached:
+    """Before the model has done anything."""
+
+    frames: tuple[range, ...] = ()
+    states: tuple[range, ...] = ()
+
+
+def curve_of(moment: Moment) -> RateCurve:
+    """The recording's event rate over its windows; sampled once for each plan of windows, which may grow."""
+    return ARRAYS.get(("curve", *plan_of(moment)), lambda: rate_curve(moment.windows), lambda made: 4000)
+
+
+def plan_of(moment: Moment) -> tuple[object, ...]:
+    """What tells a plan of windows from every other; that of a video gets longer while it is looked at."""
+    return moment.recording_id, moment.policy, len(moment.windows)

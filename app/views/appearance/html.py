@@ -1,0 +1,76 @@
+"""The bar: brand, recording, workspaces, provenance, help; and how pictures are drawn."""
+
+from __future__ import annotations
+
+from app.catalogue.recording_id import listed_id
+from app.html.card import icon_button, segmented
+from app.html.elements import ON_PICK, escape
+from app.html.icons import icon
+from app.html.provenance import provenance_html
+from app.state.view_state import Workspace
+from app.views.events.html import style_html
+from app.views.page import Page
+from app.views.reconstruction.html import tone_html
+
+WORKSPACES: dict[Workspace, str] = {
+    "inspect": "Inspect",
+    "attention": "Attention",
+    "compare": "Compare",
+    "recording": "Recording",
+    "demo": "Demo",
+}
+"""In the order of the keys 1 … 5."""
+_BRAND = '<span class="etv-brand"><img src="/static/icon.svg" alt="" width="24" height="24">ET-Net</span>'
+_COPY = (
+    '<button class="etv-icon" data-etv-copy title="Copy a link to this moment (C)" aria-label="Copy link">{}</button>'
+)
+
+
+def bar_html(page: Page) -> str:
+    """What stands above every page; it also carries the marks by which style sheet and script know the page."""
+    state = page.state
+    mark = f'<i data-etv-workspace="{state.workspace}" data-etv-moment="{page.link}"></i>'
+    home = ""
+    if state.is_public:
+        if state.workspace != "demo":
+            home = f'<button class="etv-home-button" data-k="workspace:demo" {ON_PICK}>Back to the demo</button>'
+        tools = icon_button("help", "help", "Shortcuts and glossary (?)")
+        return f'<header class="etv-bar">{mark}{_BRAND}{home}<span class="etv-right">{tools}</span></header>'
+    keys = {f"workspace:{name}": words for name, words in WORKSPACES.items()}
+    switch = segmented("Workspace", keys, f"workspace:{state.workspace}")
+    facts = ""
+    if page.moment is not None:
+        facts = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
+    tools = (
+        _COPY.format(icon("link"))
+        + icon_button("tab:export", "download", "Export")
+        + icon_button("help", "help", "Shortcuts and glossary (?)")
+    )
+    return (
+        f'<header class="etv-bar">{mark}{_BRAND}{recordings_html(page)}{switch}'
+        f'<span class="etv-facts">{facts}</span><span class="etv-right">{tools}</span></header>'
+    )
+
+
+def recordings_html(page: Page) -> str:
+    """The open recording; a click shows all that can be opened, with a field to search in."""
+    chosen = listed_id(page.state.recording_id)
+    title = next((choice.title for choice in page.recordings if choice.id == chosen), "Choose a recording")
+    rows = "".join(
+        f'<button data-k="open:{escape(choice.id)}" {ON_PICK}'
+        f"{' class=etv-on' if choice.id == chosen else ''}><b>{escape(choice.title)}</b>"
+        f"<span>{escape(choice.subtitle)}</span></button>"
+        for choice in page.recordings
+    )
+    return (
+        f'<details class="etv-recordings"><summary title="Choose a recording">{escape(title)}</summary>'
+        f'<div class="etv-list"><input type="search" placeholder="Search recordings" aria-label="Search recordings">'
+        f"{rows}</div></details>"
+    )
+
+
+def display_html(page: Page) -> str:
+    """How grey values and events are drawn."""
+    rows = (("Tone mapping", tone_html(page)), ("Event image", style_html(page)))
+    body = "".join(f'<div class="etv-row"><label>{label}</label>{content}</div>' for label, content in rows)
+    return f'<div class="et etv-settings" data-testid="display">{body}</div>'

@@ -1,0 +1,38 @@
+"""The reconstruction with its badge, and the choice of tone mapping."""
+
+from __future__ import annotations
+
+from app.html.card import segmented
+from app.html.pictures import reconstruction_html
+from app.views.page import Page
+from app.views.reconstruction.state import ReconstructionState, tones_of
+from etnet.render.tone import Tone
+
+TONES: dict[Tone, str] = {
+    "auto": "default",
+    "raw": "linear",
+    "robust": "1–99 %",
+    "gamma": "gamma 2.2",
+    "hdr": "auto HDR",
+    "clahe": "CLAHE",
+}
+"""Tone mapping: of the network by default, or as a visitor chooses."""
+
+
+def reconstruction_of(page: Page, marks_query: bool = True) -> str:
+    """The reconstruction with its badge, and how far the wanted one is."""
+    return reconstruction_html(
+        page.ready,
+        tones=tones_of(page),
+        wanted=page.missed,
+        query=page.state.query if marks_query else None,
+        working=page.working,
+        failed=page.failed,
+    )
+
+
+def tone_html(page: Page) -> str:
+    """The choice of tone mapping."""
+    options = {f"set:reconstruction.tone:{name}": words for name, words in TONES.items()}
+    chosen = f"set:reconstruction.tone:{page.state.of(ReconstructionState).tone}"
+    return segmented("Tone mapping", options, chosen)

@@ -1,0 +1,65 @@
+"""The event cloud as a card like the others: viser's canvas lies over its slot."""
+
+from __future__ import annotations
+
+import viser
+
+from app.html.attention.links import LINK_COLOURS, link_words, links_of
+from app.html.attention.maps import Site
+from app.html.card import card, icon_button
+from app.html.cloud import EventCloud
+from app.html.elements import swatch
+from app.html.units import resolution
+from app.views.attention.state import AttentionState
+from app.views.page import Page
+from app.views.panel import Dispatch, Html, Panel
+from app.views.scene.scene import SceneView, sites_behind
+from app.views.scene.state import Camera, SceneState
+from etnet.render.colours import OFF, ON, hexadecimal
+
+_CAMERAS: tuple[tuple[Camera, str, str], ...] = (
+    ("orbit", "cube", "Perspective"),
+    ("front", "front", "Front"),
+    ("side", "side", "Side"),
+)
+
+
+class ScenePanel(Panel):
+    """The card's frame, and the scene that is drawn into it."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+
+    def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
+        """The page's script lays the canvas over `.etv-scene-slot`."""
+        self._frame = Html(gui)
+        self._scene = SceneView(self._client, dispatch)
+
+    def show(self, page: Page) -> None:
+        """Draw the scene, then what its colours mean."""
+        cloud = self._scene.show(page)
+        chosen = page.state.of(SceneState).camera
+        tools = "".join(
+            icon_button(f"scene:camera:{name}", icon, words, is_on=name == chosen) for name, icon, words in _CAMERAS
+        )
+        slot = '<div class="etv-scene-slot"></div>'
+        self._frame.show(card("scene", "Event cloud", slot, page.areas, note=_legend(page, cloud), tools=tools))
+
+
+def _legend(page: Page, cloud: EventCloud | None) -> str:
+    parts = []
+    if cloud is not None:
+        words = ("made the pixel brighter", "made it darker") if cloud.is_traced else ("ON", "OFF")
+        parts += [swatch(hexadecimal(hue), text) for hue, text in zip((ON, OFF), words, strict=True)]
+        if cloud.is_thinned:
+            parts.append(f"<span>{len(cloud.positions):,} of {cloud.num_events:,}</span>")
+    if sites := sites_behind(page):
+        behind = ", ".join(resolution(Site.of(site).scale) for site in sites)
+        parts.append(f"<span>behind the image: this layer at {behind}</span>")
+    if page.state.of(AttentionState).shows_links:
+        links = links_of(page.ready, page.state.query)
+        parts += [
+            swatch(hexadecimal(LINK_COLOURS[scale]), link_words(links, scale))
+            for scale in dict.fromkeys(link.scale for link in links)
+        ]
+    return f'<span data-testid="scene-legend">{"".join(parts)}</span>'
