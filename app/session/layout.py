@@ -16,7 +16,7 @@ from app.state.view_state import ViewState, Workspace
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
 from app.views.scene.state import ChooseCamera
-from app.views.view import View, open_tab, open_views, tabs
+from app.views.view import View, open_tab, tabs
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
@@ -51,6 +51,8 @@ class Layout:
 
     views: Sequence[View]
     panels: dict[str, Panel]
+    cards: dict[str, list[Html]]
+    """What each view has in the page itself."""
     folders: dict[str, viser.GuiFolderHandle]
     strip: Html
     main: viser.MainPanelHandle
@@ -75,11 +77,17 @@ class Layout:
     def show(self, page: Page) -> None:
         """Draw what has changed in what can be seen."""
         tab = open_tab(page.state, self.views)
-        for view in open_views(page.state, self.views):
-            panel = self.panels[view.name]
-            if page.state.workspace in view.workspaces:
+        for view in self.views:
+            if (panel := self.panels.get(view.name)) is None:
+                continue
+            is_open = page.state.workspace in view.workspaces
+            if is_open:
                 panel.show(page)
-            if view is tab and view.name in self.folders:
+            if is_open != (view.name in self._open) and view.workspaces:
+                for part in self.cards[view.name]:
+                    part.set_visible(is_open)
+                (self._open.add if is_open else self._open.discard)(view.name)
+            if view is tab:
                 panel.show_settings(page)
 
 
@@ -105,6 +113,7 @@ def build_layout(
             if view.name != "timeline" and view.workspaces:
                 panels[view.name].build(gui, dispatch)
     page.float(x=0, y=0, width=900)
+    cards = {name: [part for part in vars(panel).values() if isinstance(part, Html)] for name, panel in panels.items()}
 
     gui.main_panel.dock_right()
     strip = Html(gui, '<div class="etv-tabs"></div>')
@@ -118,7 +127,7 @@ def build_layout(
     with foot.add_tab("Timeline", viser.Icon.TIMELINE):
         panels["timeline"].build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
-    return Layout(views, panels, folders, strip, gui.main_panel)
+    return Layout(views, panels, cards, folders, strip, gui.main_panel)
 
 
 def show_help(client: viser.ClientHandle) -> GuiModalHandle:

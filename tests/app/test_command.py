@@ -37,16 +37,16 @@ def test_a_policy_in_words_is_that_policy(policy):
     assert parse_policy(policy_text(policy)) == policy
 
 
-@pytest.mark.parametrize(("parcel", "kind"), [("mp4", Video), ("gif", Gif)])
-def test_everything_chosen_is_in_the_command(parcel, kind):
+@pytest.mark.parametrize(("format", "kind"), [("mp4", Video), ("gif", Gif)])
+def test_everything_chosen_is_in_the_command(format, kind):
     panels = ("events", "reconstruction")
-    got = parsed(StartExport(parcel, 1, 3, panels, 0.25, has_stamps=True), moment())
+    got = parsed(StartExport(format, 1, 3, panels, 0.25, has_stamps=True), moment())
     assert isinstance(got, kind)
     assert (got.file, got.model, got.precision) == (Path("it's mine.h5"), "etnet-half", "bf16")
     assert (got.panels, got.speed, got.stamps) == (panels, 0.25, True)
     assert parse_policy(got.windows) == ByDuration(40_000)
     assert parse_range(got.range, NUM_WINDOWS) == (1, 4)
-    plain = parsed(StartExport(parcel), moment())
+    plain = parsed(StartExport(format), moment())
     assert not plain.stamps
     assert parse_range(plain.range, NUM_WINDOWS) == (0, NUM_WINDOWS)
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from app.session.questions import given_up
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,20 +19,21 @@ from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.session.channel import parse
 from app.session.demo import FORBIDDEN
-from app.session.questions import given_up
 from app.state import intents as ask
-from app.state.stored import from_text, to_text
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.stored import to_text
+from app.state.view_state import Limits, ViewState
 from app.views.export.jobs import Made
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.jobs.cut import SLOT, Cutting, trim_jobs
-from app.views.recording.state import DropTrim, MarkTrim, Trim
+from app.views.recording.state import DropTrim, MarkTrim, RecordingState, Trim
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
 from etnet.windows import BetweenFrames, ByCount, plan_windows
 from tests.app.stand_ins import SENSOR, Browser, recording, served
 from tests.events.containers import assert_same_events
 from tests.real_data import real_file
+
+from .reducing import from_text, reduce
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames())
 
@@ -57,7 +59,7 @@ def loaded_of(opened):
 
 
 def cut(state, opened, folder):
-    answers = list(Cutting(state.source.cut).run(loaded_of(opened), bool))
+    answers = list(Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool))
     assert all(value is None for value, _ in answers[:-1])
     assert [share for _, share in answers] == sorted(share for _, share in answers)
     path = folder / answers[-1][0].name
@@ -85,7 +87,7 @@ def test_a_cut_is_the_events_of_the_marked_windows_whatever_the_order_of_the_mar
     opened = recording(num_events=1200)
     for order in ((0, 1), (1, 0)):
         state, windows = marked(opened, ByCount(100), first, last, order)
-        excerpt = state.source.cut.excerpt
+        excerpt = state.of(RecordingState).cut.excerpt
         assert (excerpt.begin.event, excerpt.end.event) == (windows[first].start, windows[last].stop)
     with tempfile.TemporaryDirectory() as folder, cut(state, opened, Path(folder)) as part:
         whole = opened.read(windows[first].start, windows[last].stop)
@@ -95,11 +97,11 @@ def test_a_cut_is_the_events_of_the_marked_windows_whatever_the_order_of_the_mar
 def test_marks_that_cross_leave_the_newer_one_and_one_mark_reaches_to_the_end():
     opened = recording(num_events=1200)
     state, windows = marked(opened, ByCount(100), 8, 2)
-    assert state.source.excerpt.begin is None
-    assert state.source.excerpt.end.event == windows[2].stop
+    assert state.of(RecordingState).excerpt.begin is None
+    assert state.of(RecordingState).excerpt.end.event == windows[2].stop
     state, _ = marked(opened, ByCount(100), 8, 2, order=(1, 0))
-    assert state.source.excerpt.begin.event == windows[8].start
-    assert state.source.excerpt.end is None
+    assert state.of(RecordingState).excerpt.begin.event == windows[8].start
+    assert state.of(RecordingState).excerpt.end is None
 
 
 def test_marks_belong_to_their_recording():
@@ -130,12 +132,12 @@ def test_what_is_too_large_for_a_page_is_said_with_a_way_out_and_who_cancels_lea
     opened = recording(num_events=60_000)
     state, _ = marked(opened, BetweenFrames(), 3, 7)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    answers = Cutting(state.source.cut).run(loaded_of(opened), bool)
+    answers = Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool)
     next(answers)
     answers.close()
     monkeypatch.setattr("app.views.recording.jobs.cut.LARGEST", 1000)
     with pytest.raises(EtnetError, match="etnet cut"):
-        list(Cutting(state.source.cut).run(loaded_of(opened), bool))
+        list(Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool))
     assert not list(tmp_path.iterdir())
     assert not [thread for thread in threading.enumerate() if thread.name == "cutting"]
 
@@ -186,10 +188,12 @@ def test_a_cut_that_failed_says_why_and_another_mark_takes_it_away():
     opened = recording()
     state, windows = marked(opened, BetweenFrames(), 3, 7)
     moment = Moment("a", BetweenFrames(), 7, opened, windows)
-    html = excerpt_html(moment, state.source, JobResult(Cutting(state.source.cut), trouble="no <space>"))
+    html = excerpt_html(
+        moment, state.of(RecordingState), JobResult(Cutting(state.of(RecordingState).cut), trouble="no <space>")
+    )
     assert "no &lt;space&gt;" in html
     assert "From here" in html
     state = reduce(state, MarkTrim("to"), Limits(SENSOR, windows))
-    assert "no &lt;space" not in excerpt_html(moment, state.source, None)
+    assert "no &lt;space" not in excerpt_html(moment, state.of(RecordingState), None)
     for word in ("from", "to", "cut", "leave"):
         assert parse(press(f"source:{word}")) is not None

@@ -16,7 +16,7 @@ from app.engine.requests import FrameRequest
 from app.session.loader import RecordingLoader
 from app.session.opening import Opened, Opening, Unopened
 from app.state.intents import PlayTo, RenameRecording, ReopenRecording, Seek, Settle
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.view_state import Limits, ViewState
 from app.views.recording.html.video import film_html
 from etnet.errors import EtnetError
 from etnet.playback.playback import Playback
@@ -25,6 +25,8 @@ from etnet.windows import BetweenFrames, ByCount, plan_windows
 from tests.app.fakes import CountingModel, Shelf
 from tests.simulation.test_growing import stepped, video  # noqa: F401
 from tests.simulation.test_video import drifting, write
+
+from .reducing import reduce
 
 
 @pytest.fixture

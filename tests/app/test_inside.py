@@ -27,9 +27,9 @@ from app.views.inspect.state import (
     PinMap,
     PinnedMap,
 )
+from app.views.page import Page
 from app.views.scene.links import arc
 from app.views.scene.space import Space
-from app.views.view import Page
 from etnet.events.edit import EventEdit
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
@@ -105,7 +105,7 @@ def test_deeper_memory_is_added_one_depth_after_the_other(loaded):
 
 
 def page_of(state, moment, ready, **results):
-    found = {f"inside.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
+    found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
     return Page(state, moment, ready, look=AttentionLook.of(state, True), results=found)
 
 
@@ -158,9 +158,9 @@ def test_a_network_without_attention_or_memory_says_so(moment):
     firenet = parts.anatomy(build_model("firenet"))
     job = parts.PartsJob(request_of(0))
     for opened, words in (("change", "has no attention"), ("state", "no ConvLSTM")):
-        state = ViewState(inside=InspectState(opened=opened))
+        state = ViewState().put(InspectState(opened=opened))
         assert words in Checker(inspector_html(page_of(state, moment, None, anatomy=(job, firenet)))).text
-    nothing = page_of(ViewState(inside=InspectState(opened="matters")), moment, None, matters=(job, None))
+    nothing = page_of(ViewState().put(InspectState(opened="matters")), moment, None, matters=(job, None))
     assert "Nothing to take away" in Checker(inspector_html(nothing)).text
 
 
@@ -240,7 +240,7 @@ def test_channels_come_by_energy_in_the_networks_own_numbers(loaded, moment, pla
     if plane == "hidden":
         hidden = loaded.playback.state(5).tensors[2][0]
         assert np.array_equal(channels.values[0], hidden[int(channels.order[0])].numpy())
-    state = ViewState(query=QUERY, inside=InspectState(opened="state", plane=plane, level=2, channel=1))
+    state = ViewState(query=QUERY).put(InspectState(opened="state", plane=plane, level=2, channel=1))
     anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
     page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, channels=(job, channels))))
     assert "no. 2 by energy" in page.text
@@ -249,7 +249,7 @@ def test_channels_come_by_energy_in_the_networks_own_numbers(loaded, moment, pla
 def test_the_memory_of_the_clicked_pixel_is_said(loaded, moment):
     job = memory.MemoryDepthJob(request_of(5))
     found = whole(job, loaded)
-    state = ViewState(query=QUERY, index=5, inside=InspectState(opened="memory"))
+    state = ViewState(query=QUERY, index=5).put(InspectState(opened="memory"))
     page = Checker(inspector_html(page_of(state, moment, None, remembered=(job, found))))
     needs = int(found.needed[QUERY[1], QUERY[0]])
     words = {-1: "more than 4 windows", 0: "no window", 1: "1 window"}
@@ -264,7 +264,7 @@ def test_what_is_rolled_out_is_the_librarys_and_sums_to_one(loaded, ready):
     rolled = whole(job, loaded)
     expected = rollout(ready.attention, ready.attention.grid.token_at(*QUERY), 0.5)
     assert np.allclose(rolled.weights, expected.weights.numpy(), atol=1e-6)
-    state = ViewState(query=QUERY, index=5, inside=InspectState(opened="rollout", discard=50))
+    state = ViewState(query=QUERY, index=5).put(InspectState(opened="rollout", discard=50))
     anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
     page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, anatomy=anatomy, rolled=(job, rolled))))
     assert "sums to 1.0000" in page.text
@@ -279,7 +279,7 @@ def test_what_is_followed_ends_in_the_map_of_the_window_on_show(loaded, ready):
     token = grid.token_at(*QUERY)
     row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
     assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
-    state = ViewState(query=QUERY, index=5, site=SITE, inside=InspectState(opened="time"))
+    state = ViewState(query=QUERY, index=5, site=SITE).put(InspectState(opened="time"))
     anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
     page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, anatomy=anatomy, followed=(job, followed))))
     assert f"now {followed.entropy[-1]:.2f} bits" in page.text
@@ -288,7 +288,7 @@ def test_what_is_followed_ends_in_the_map_of_the_window_on_show(loaded, ready):
 @pytest.mark.parametrize("opened", ["rollout", "time"])
 def test_paths_of_attention_say_so_where_there_is_none(moment, opened):
     anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(build_model("e2vid")))
-    state = ViewState(query=QUERY, inside=InspectState(opened=opened))
+    state = ViewState(query=QUERY).put(InspectState(opened=opened))
     assert "made of convolutions alone" in Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy))).text
 
 
@@ -310,7 +310,7 @@ def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(
     job = parts.OutcomeJob(request_of(5, intervention=Intervention(without_context=True)))
     for removed, is_answer in ((frozenset(), True), (frozenset({1}), False)):
         change = Change(Intervention(without_context=True, removed_skips=removed))
-        state = ViewState(index=5, inside=InspectState(opened="change", change=change))
+        state = ViewState(index=5).put(InspectState(opened="change", change=change))
         page = page_of(state, moment, None, anatomy=anatomy, outcome=(job, whole(job, loaded)))
         assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
 
@@ -322,6 +322,6 @@ def test_norms_are_those_of_the_states(loaded, moment):
     cell = loaded.playback.state(5).tensors[3]
     assert norms.cell[-1, 1] == pytest.approx(float(cell.square().mean().sqrt()), rel=1e-5)
     anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
-    state = ViewState(index=5, inside=InspectState(opened="state"))
+    state = ViewState(index=5).put(InspectState(opened="state"))
     page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, norms=(job, norms))))
     assert "in the last 6 windows" in page.text

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from app.session.questions import questions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.engine.engine import Engine
 from app.session.channel import parse
-from app.session.questions import questions
 from app.state import intents as ask
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.view_state import Limits, ViewState
 from app.views.inspect import state as inside_view
 from app.views.inspect.state import (
     NO_CHANGE,
@@ -38,6 +38,7 @@ from tests.inspection.small import small_playback
 
 from .fakes import Inbox, Shelf
 from .inside_stage import NONSENSE, PARTS, POLICY, QUERY, SITE, loaded_of, request_of
+from .reducing import reduce
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -72,8 +73,8 @@ def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_al
     state = ViewState(index=index)
     for intent in asked:
         state = reduce(state, intent, Limits())
-        assert 1 <= state.inside.level <= 3
-        assert 0 <= state.inside.change.edit.drop <= 1
+        assert 1 <= state.of(InspectState).level <= 3
+        assert 0 <= state.of(InspectState).change.edit.drop <= 1
     assert reduce(state, ResetAll(), Limits()).inside.change == NO_CHANGE
     for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
         assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
@@ -113,10 +114,10 @@ def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no
 
 
 def test_nothing_is_asked_of_the_model_while_every_inspector_is_closed():
-    state = ViewState(query=QUERY, inside=InspectState(change=Change(Intervention(without_context=True))))
+    state = ViewState(query=QUERY).put(InspectState(change=Change(Intervention(without_context=True))))
     assert not any(slot.startswith("inside") for slot in questions(state, request_of(3)))
-    opened = replace(state, inside=replace(state.inside, opened="matters"))
-    assert set(questions(opened, request_of(3))) == {"inside.anatomy", "inside.matters", "inside.attended"}
+    opened = replace(state, inside=replace(state.of(InspectState), opened="matters"))
+    assert set(questions(opened, request_of(3))) == {"inspect.anatomy", "inspect.matters", "inspect.attended"}
 
 
 # ---- what the engine makes of a change ----

@@ -7,9 +7,11 @@ import pytest
 
 from app.session.player import Player
 from app.state import intents as ask
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.view_state import Limits, ViewState
 from etnet.events.events import Sensor
 from etnet.windows import Window
+
+from .reducing import reduce
 
 
 def limits(stamps):

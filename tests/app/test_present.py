@@ -24,10 +24,10 @@ from app.views.attention.html import grid
 from app.views.attention.html.grid import attention_html, attention_image, sites_behind
 from app.views.demo.state import DemoState
 from app.views.inspect.state import InspectState
+from app.views.page import Page
 from app.views.reconstruction.panel import reconstruction as reconstruction_panel
 from app.views.scene.scene import picture_of
 from app.views.timeline.html import curve_of, now_html, timeline_html, timeline_key_html
-from app.views.view import Page
 from app.views.voxels.html import voxel_html
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, recording_of_events
@@ -268,7 +268,7 @@ def test_the_attention_image_is_the_networks_own_row(ready):
 
 
 def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(ready):
-    behind, asked = sites_behind, ViewState(inside=InspectState(shows_planes=True))
+    behind, asked = sites_behind, ViewState().put(InspectState(shows_planes=True))
     state = replace(asked, site="scale2.encoder.0.self")
     assert behind(ready, LOOK, state) == tuple(f"scale{scale}.encoder.0.self" for scale in (1, 2, 3))
     for unseen in (ViewState(), replace(asked, camera="front"), replace(asked, workspace="demo")):

@@ -25,14 +25,16 @@ from app.session.demo import (
     steps_of,
 )
 from app.state import intents as ask
-from app.state.link import LONGEST, LinkError, from_link, to_link
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.link import LONGEST, LinkError, to_link
+from app.state.view_state import Limits, ViewState
 from app.views.compare.state import CompareState, Lane
 from app.views.demo.state import PointAt
 from app.views.inspect.state import Switch
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
 from tests.app.stand_ins import Browser, served
+
+from .reducing import from_link, reduce
 
 OPEN = Limits(Sensor(40, 30), [Window(i, i * 10, i * 10 + 10, i * 1000, i * 1000 + 1000) for i in range(30)])
 

@@ -15,8 +15,8 @@ from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.session.channel import parse
 from app.session.demo import FORBIDDEN
-from app.state.stored import from_text, to_text
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.stored import to_text
+from app.state.view_state import Limits, ViewState
 from app.views.recording.html.examination import doctor_html
 from app.views.recording.jobs.examination import SLOT, DoctorStudy, examination_jobs
 from app.views.recording.panel import GONE
@@ -26,6 +26,8 @@ from etnet.events.examine import examine, look_through
 from etnet.events.recording import Remark, recording_of_events
 from etnet.windows import BetweenFrames, ByCount, plan_windows
 from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
+
+from .reducing import from_text, reduce
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=7)
 WISH = FrameRequest("a", "m", "fp32", BetweenFrames(), 7)

@@ -10,7 +10,7 @@ from app.config import ViewerConfig
 from app.main import Viewer, main
 from app.session_file import config_of, session_in, view_of
 from app.state.view_state import ViewState
-from app.views.inspect.state import Change
+from app.views.inspect.state import Change, InspectState
 from etnet.events.assumptions import Assumptions
 from etnet.events.open import open_recording
 from etnet.events.opened_as import View
@@ -56,7 +56,7 @@ def test_a_session_opens_as_it_was_taken(taken):
     state = view_of(session, ViewState(recording_id=catalogue.entries()[0].id), catalogue.models())
     assert catalogue.model(state.model_id).source == taken / "mine.safetensors"
     assert (state.policy, state.index) == (POLICY, 2)
-    assert state.inside.change == Change(CHANGE.intervention, since=1)
+    assert state.of(InspectState).change == Change(CHANGE.intervention, since=1)
 
 
 def test_the_viewer_starts_with_it(taken):

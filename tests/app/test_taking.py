@@ -13,11 +13,13 @@ import cv2
 import numpy as np
 import pytest
 
+from app.engine.downloads import Download
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.view_state import Limits, ViewState
 from app.views.demo.state import DropExport, StartExport
-from app.views.export.jobs import SLOT, Made, Taking, export_jobs
+from app.views.export.jobs import SLOT, Taking, export_jobs
+from app.views.export.state import ExportState
 from app.views.inspect.state import Change
 from etnet.errors import Cancelled, EtnetError
 from etnet.events.edit import EventEdit
@@ -36,6 +38,8 @@ from etnet.windows import BetweenFrames
 from tests.app.stand_ins import Browser, served
 from tests.export.recordings_made_up import NUM_WINDOWS, made_up_take
 
+from .reducing import reduce
+
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=3, query=(9, 7))
 
 
@@ -46,7 +50,7 @@ def loaded():
 
 def ordered(**wanted):
     state = reduce(STATE, StartExport(**wanted), Limits())
-    return Taking(state.show.order)
+    return Taking(state.of(ExportState).order)
 
 
 def made(job, at=None, cancelled=lambda: False):
@@ -68,17 +72,17 @@ BY_HAND = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("parcel", BY_HAND)
-def test_a_file_is_the_command_lines_to_the_byte(parcel, tmp_path):
+@pytest.mark.parametrize("format", BY_HAND)
+def test_a_file_is_the_command_lines_to_the_byte(format, tmp_path):
     wanted = {"panels": ("events", "reconstruction"), "speed": 0.5, "has_stamps": True, "first": 1, "last": 3}
-    taken = made(ordered(parcel=parcel, **wanted))
+    taken = made(ordered(format=format, **wanted))
     path = tmp_path / taken.name
-    BY_HAND[parcel](Take(made_up_take().playback, 1, 4), path)
+    BY_HAND[format](Take(made_up_take().playback, 1, 4), path)
     assert taken.content == path.read_bytes()
 
 
 def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):
-    taken = made(ordered(parcel="npz"))
+    taken = made(ordered(format="npz"))
     path = tmp_path / taken.name
     path.write_bytes(taken.content)
     with np.load(path) as arrays:
@@ -91,14 +95,14 @@ def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):
 
 def test_arrays_hold_states_and_camera_frames_as_the_commands_do(tmp_path):
     names = ("frames", "camera", "states")
-    taken = made(ordered(parcel="h5", arrays=names))
+    taken = made(ordered(format="h5", arrays=names))
     path = tmp_path / taken.name
     write_arrays(made_up_take(), path, ArraysChoice(names, ((9, 7),)))
     assert taken.content == path.read_bytes()
 
 
 def test_a_picture_is_of_the_window_that_was_on_show():
-    a = made(ordered(parcel="png", first=0, last=0))
+    a = made(ordered(format="png", first=0, last=0))
     assert a.content.startswith(b"\x89PNG")
     other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), StartExport("png"), Limits()).show.order)
     assert made(other).content != a.content
@@ -133,7 +137,7 @@ def _fields(state):
 
 def test_a_step_that_had_to_give_way_is_made_after_it_and_nothing_differs():
     turns = iter(range(10**6))
-    plain, interrupted = ordered(parcel="csv"), ordered(parcel="csv")
+    plain, interrupted = ordered(format="csv"), ordered(format="csv")
     assert made(interrupted, cancelled=lambda: next(turns) % 3 == 0).content == made(plain).content
 
 
@@ -162,7 +166,7 @@ def test_a_session_holds_what_is_changed_if_a_run_can(change, held, tmp_path):
 
 @pytest.mark.parametrize("changed", [{"path": Path("film-1.h5")}, {"growth": Growth(0.5)}])
 def test_no_session_is_made_of_what_nobody_can_open_again(changed):
-    job, at = ordered(parcel="session"), loaded()
+    job, at = ordered(format="session"), loaded()
     at.playback.recording = replace(at.playback.recording, **changed)
     with pytest.raises(EtnetError, match=r"simulated video is gone with its page|a part of it is indexed"):
         made(job, at)
@@ -170,7 +174,7 @@ def test_no_session_is_made_of_what_nobody_can_open_again(changed):
 
 def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    answers = ordered(parcel="mp4").run(loaded(), lambda: False)
+    answers = ordered(format="mp4").run(loaded(), lambda: False)
     next(answers)
     next(answers)
     assert list(tmp_path.iterdir())
@@ -182,11 +186,11 @@ def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):
 def test_what_is_too_large_for_a_page_is_said_with_a_way_out(monkeypatch):
     monkeypatch.setattr("app.views.export.jobs.LARGEST", 1000)
     with pytest.raises(EtnetError, match=r"etnet export"):
-        made(ordered(parcel="h5"))
+        made(ordered(format="h5"))
 
 
 def test_what_a_recording_does_not_have_is_said():
-    job, at = ordered(parcel="png", panels=("camera",)), loaded()
+    job, at = ordered(format="png", panels=("camera",)), loaded()
     object.__setattr__(at.playback.recording, "ground_truth", None)
     with pytest.raises(EtnetError, match="no camera frames"):
         made(job, at)
@@ -218,7 +222,7 @@ def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
         await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
         await browser.use(browser.widget("Make it"), True)
         await browser.until(lambda: asked() and asked()[-1] is not None)
-        assert asked()[-1].order.wanted.parcel == "csv"
+        assert asked()[-1].order.wanted.format == "csv"
         await browser.until_shown("being made, 0%")
         await browser.use(browser.widget("Cancel"), True)
         await browser.until(lambda: asked()[-1] is None)
@@ -226,11 +230,11 @@ def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
         await browser.until(lambda: asked()[-1] is not None)
         job = asked()[-1]
         session = next(iter(viewer.sessions.values()))
-        viewer.engine.tell(SLOT, JobResult(job, Made("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
+        viewer.engine.tell(SLOT, JobResult(job, Download("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
         await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
         part = next(message for _, kind, message in browser.arrivals if kind == "FileTransferPart")
         assert part["content"] == b"1,2\n" * 40
-        await browser.until(lambda: session._state.show.order is None)
+        await browser.until(lambda: session._state.of(ExportState).order is None)
 
     visit(story)
 
@@ -272,5 +276,5 @@ def test_a_writer_that_fails_says_so_and_ends(monkeypatch):
     monkeypatch.setattr("etnet.export.table.write_table", broken)
     began = time.monotonic()
     with pytest.raises((OSError, Cancelled), match="no space"):
-        made(ordered(parcel="csv"))
+        made(ordered(format="csv"))
     assert time.monotonic() - began < 5

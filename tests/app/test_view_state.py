@@ -5,12 +5,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.state import intents as ask
-from app.state.stored import from_text, to_text
-from app.state.view_state import Limits, ViewState, reduce
+from app.state.stored import to_text
+from app.state.view_state import Limits, ViewState
 from app.views.compare import state as compare
+from app.views.compare.state import CompareState
 from etnet.events.denoise import Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
+
+from .reducing import from_text, reduce
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 ANY_INT = st.integers(-(10**12), 10**12)
@@ -175,7 +178,7 @@ def test_a_lane_starts_cold_at_the_window_on_show_and_forgets_it_in_another_reco
     bounds = limits()
     state = reduce(ViewState(recording_id="a", index=7), compare.AddLane(), bounds)
     state = reduce(state, compare.StartCold(True), bounds)
-    assert state.compare.lanes[0].cold_from == bounds.windows[7].t_start
+    assert state.of(CompareState).lanes[0].cold_from == bounds.windows[7].t_start
     assert reduce(state, compare.StartCold(False), bounds).compare.lanes[0].cold_from is None
     assert reduce(state, ask.OpenRecording("b"), bounds).compare.lanes == (compare.Lane(),)
 
@@ -184,8 +187,8 @@ def test_three_lanes_are_the_most_and_the_chosen_one_exists():
     state = ViewState()
     for _ in range(5):
         state = reduce(state, compare.AddLane(), limits())
-    assert len(state.compare.lanes) == compare.MOST_LANES
+    assert len(state.of(CompareState).lanes) == compare.MOST_LANES
     for _ in range(5):
         state = reduce(state, compare.RemoveLane(0), limits())
-        assert state.compare.chosen < max(len(state.compare.lanes), 1)
-    assert state.compare.lanes == ()
+        assert state.of(CompareState).chosen < max(len(state.of(CompareState).lanes), 1)
+    assert state.of(CompareState).lanes == ()

@@ -234,10 +234,10 @@ def test_a_change_goes_into_the_wish_and_out_of_it_again(viewer):
         await browser.use(channel, "pick|inside:edit:drop:0.5|0.5|0.5|2")
         await browser.until(lambda: viewer.engine.requests[-1][1].edit.drop == 0.5)
         assert viewer.engine.requests[-1][1].intervention.without_context
-        await browser.until(lambda: any(asked[1] == "inside.outcome" and asked[2] for asked in viewer.engine.jobs))
+        await browser.until(lambda: any(asked[1] == "inspect.outcome" and asked[2] for asked in viewer.engine.jobs))
         await browser.use(channel, "pick|inside:back|0.5|0.5|3")
         await browser.until(lambda: viewer.engine.requests[-1][1].is_original)
-        await browser.until(lambda: viewer.engine.jobs[-1][1:] == ("inside.outcome", None))
+        await browser.until(lambda: viewer.engine.jobs[-1][1:] == ("inspect.outcome", None))
 
     visit(viewer, story, tab=51)
 
@@ -247,7 +247,9 @@ def test_closing_every_inspector_takes_its_questions_back(viewer):
         await browser.until_shown("Reconstruction of window 15")
         viewer.engine.jobs.clear()
         await browser.use(browser.widget("Look at"), "What matters here")
-        await browser.until(lambda: {asked[1] for asked in viewer.engine.jobs} == {"inside.anatomy", "inside.matters"})
+        await browser.until(
+            lambda: {asked[1] for asked in viewer.engine.jobs} == {"inspect.anatomy", "inspect.matters"}
+        )
         await browser.use(browser.widget("Look at"), "none")
         await browser.until(lambda: [asked[2] for asked in viewer.engine.jobs[2:]] == [None, None])
         await browser.until_shown("While nothing is open here, nothing is computed for it.")
