@@ -16,11 +16,11 @@ from etnet.render.events import BUSY, EventStyle, event_image
 from etnet.render.tone import resolve, tone_map
 
 _TONE_WORDS = {
-    "raw": "brightness as it comes",
-    "gamma": "display gamma 2.2",
-    "robust": "stretched, 1st … 99th percentile",
-    "hdr": "auto HDR: this frame’s black and white",
-    "clahe": "local contrast (CLAHE)",
+    "raw": "linear",
+    "gamma": "gamma 2.2",
+    "robust": "percentile 1–99 %",
+    "hdr": "auto HDR",
+    "clahe": "CLAHE",
 }
 
 
@@ -137,13 +137,13 @@ def camera_frame_html(moment: Moment, *, tones: Tones) -> str:
     url = PICTURES.text(key, lambda: data_url(grey, is_lossless=False))
     image = picture(url, "Camera frame", key="pixel", size=(width, height))
     offset = (stamp - moment.window.t_stop) / 1000
-    when = "taken as this window ends" if abs(offset) < 0.05 else _beside(offset)
+    when = "frame at window end" if abs(offset) < 0.05 else _beside(offset)
     return panel("camera", image, f'<div class="et-caption"><span>{escape(when)}</span></div>')
 
 
 def _beside(offset_ms: float) -> str:
     side = "after" if offset_ms > 0 else "before"
-    return f"taken {milliseconds(abs(offset_ms))} {side} this window ends"
+    return f"{milliseconds(abs(offset_ms))} {side} window end"
 
 
 def event_image_html(moment: Moment, style: EventStyle) -> str:
@@ -188,7 +188,7 @@ def _event_image_html(moment: Moment, style: EventStyle) -> str:
 def _event_legend(style: EventStyle, limit: float) -> str:
     match style:
         case "polarity":
-            return f'<div class="et-note">hue: the newest event · strongest from {BUSY} events on</div>'
+            return f'<div class="et-note">Colour: latest polarity; saturates at {BUSY} events</div>'
         case "count":
             ticks = [(0.0, "0"), (1.0, f"≥ {short(limit)}")]
             return legend("events per pixel, both polarities", css_gradient(counting()), ticks)

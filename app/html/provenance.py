@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.engine.requests import Ready
-from app.html.elements import chip, escape, panel
+from app.html.elements import escape, panel
 from app.html.moment import Moment
 from app.html.units import milliseconds, policy, short
 
@@ -31,20 +31,26 @@ class ModelFacts:
 
 
 def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step_milliseconds: float | None) -> str:
-    """file · sensor · model and weights · precision · window policy · ms a step · events per pixel · exact."""
-    recording = moment.recording
+    """sensor · density · network and precision · windowing · step time · recurrent state: one line of facts.
+
+    The recording's name stands beside it in the bar, and the badge on the picture that it is about.
+    """
     facts = [
-        ("recording", escape(f"{recording.name} ({recording.format})")),
-        ("sensor", escape(f"{recording.sensor} px")),
-        ("windows", escape(policy(moment.policy))),
-        ("events per pixel", density_html(moment.events_per_pixel, model.trained_band)),
-        ("network", escape(model.title)),
-        ("computed in", escape(_runtime(ready))),
-        ("one step", milliseconds(step_milliseconds) if step_milliseconds else "not measured yet"),
-        ("memory", _memory(ready)),
+        ("sensor", escape(f"{moment.recording.sensor}"), moment.recording.format),
+        ("density", f"{density_html(moment.events_per_pixel, model.trained_band)} ev/px", "events per pixel and window"),
+        ("network", f"<b>{escape(model.title)}</b> {escape(_precision(ready))}", _runtime(ready)),
+        ("windowing", escape(policy(moment.policy)), "which events make one frame"),
+        ("step", f"{milliseconds(step_milliseconds)} a step" if step_milliseconds else "", "one encode and one decode"),
+        ("state", _state(ready), "recurrent state"),
     ]
-    listed = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in facts)
-    return panel("provenance", f'<dl class="et-facts">{listed}{_badge(ready)}</dl>')
+    listed = "".join(
+        f'<div data-fact="{name}" title="{escape(title)}"><dd>{value}</dd></div>' for name, value, title in facts if value
+    )
+    return panel("provenance", f'<dl class="et-facts">{listed}</dl>')
+
+
+def _precision(ready: Ready | None) -> str:
+    return "" if ready is None else ready.contract.runtime.precision
 
 
 def _runtime(ready: Ready | None) -> str:
@@ -52,21 +58,15 @@ def _runtime(ready: Ready | None) -> str:
         return "nothing computed yet"
     contract = ready.contract
     cores = "1 thread" if contract.threads == 1 else f"{contract.threads} threads"
-    return f"{contract.runtime.precision}, {contract.device}, {cores}"
+    return f"{contract.runtime.precision}, {contract.device}, {cores}, torch {contract.torch_version}"
 
 
-def _memory(ready: Ready | None) -> str:
-    if ready is None:
-        return "–"
-    if ready.is_approximate:
-        return f"cold start {ready.num_warm} windows ago"
-    return f"warming up: window {ready.request.index}" if ready.is_cold else "warm"
-
-
-def _badge(ready: Ready | None) -> str:
+def _state(ready: Ready | None) -> str:
     if ready is None:
         return ""
-    return chip("exact", "exact") if ready.is_exact else chip("not exact", "warning")
+    if ready.is_approximate:
+        return f"state: cold start {ready.num_warm} windows ago"
+    return "state warming up" if ready.is_cold else "state warm"
 
 
 def density_html(value: float, band: tuple[float, float] | None) -> str:
@@ -76,9 +76,9 @@ def density_html(value: float, band: tuple[float, float] | None) -> str:
     low, high = (_place(edge) for edge in band)
     verdict = "" if band[0] <= value <= band[1] else " et-warning"
     words = f"trained on {short(band[0])} to {short(band[1])} events per pixel"
-    outside = "" if not verdict else (" · fewer" if value < band[0] else " · more") + " than trained on"
+    outside = "" if not verdict else (" fewer" if value < band[0] else " more") + " than trained on"
     return (
-        f'<span class="{verdict.strip()}">{short(value)}{outside}</span>'
+        f'<span class="{verdict.strip()}"><b>{short(value)}</b>{outside}</span>'
         f'<span class="et-band" title="{words}"><i style="left:{low:.0%};width:{high - low:.0%}"></i>'
         f'<b style="left:{_place(value):.0%}"></b></span>'
     )

@@ -47,7 +47,7 @@ def _voxel_html(moment: Moment, opened: int | None) -> str:
         tiles.append(f'<div class="et-thumb{chosen}">{image}<span class="et-label">{bin_words(index)}</span></div>')
     row = f'<div class="et-row" style="grid-template-columns:repeat({NUM_BINS},minmax(0,1fr))">{"".join(tiles)}</div>'
     scale = legend(
-        "signed votes: darker … brighter",
+        "polarity sum: OFF … ON",
         css_gradient(diverging()),
         [(0.0, f"≤ −{short(limit)}"), (0.5, "0"), (1.0, f"≥ +{short(limit)}")],
     )
@@ -55,7 +55,7 @@ def _voxel_html(moment: Moment, opened: int | None) -> str:
     if opened is not None:
         parts.append(_large(moment, opened, limit))
     else:
-        parts.append('<div class="et-note">share of the window’s time · click a tile to enlarge it</div>')
+        parts.append('<div class="et-note">bin position in the window · click a tile to enlarge it</div>')
     return panel("voxels", *parts, scale)
 
 
