@@ -77,6 +77,9 @@ class ViewerConfig:
     """MB that a visitor may hand over from his browser, or off. By default 256, and off where others can come in
     (--demo, --public-url, --host). His files are his alone, and go when he goes."""
 
+    views: Annotated[tuple[Path, ...], tyro.conf.arg(name="view", metavar="FILE"), tyro.conf.UseAppendAction] = ()
+    """A Python file of your own that is shown as a tab: it defines show(moment). May be given again."""
+
     demo: bool = False
     """For a stand in public: shows itself until somebody touches it, and starts over when he has gone."""
 
@@ -97,6 +100,8 @@ class ViewerConfig:
             raise ConfigError(f"--host {self.host}: others could reach the viewer; give --token SECRET with it")
         if self.data is not None and not self.data.is_dir():
             raise ConfigError(f"--data {self.data}: there is no such folder")
+        if self.views and self.is_open:
+            raise ConfigError("--view runs your own code: it is not for --demo, --public-url or another --host")
         _ = self.region, self.stated.assumptions()
 
     @property

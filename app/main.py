@@ -7,7 +7,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
 import tyro
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import viser
 
     from app.session.session import Session
-    from app.views.view import Page
+    from app.views.page import Page
     from etnet.export.session_file import Session as TakenSession
 
 
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"etnet-view: {error}", file=sys.stderr)
         return 1
     print(viewer.where_to_look, flush=True)
-    # Whoever ends it politely ends it as Ctrl+C does: with what visitors brought taken away.
+    # A polite end is an end by Ctrl+C: what visitors uploaded is taken away.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         threading.Event().wait()
@@ -49,14 +49,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class Viewer:
     """A running viewer: server, engine and catalogue of one configuration."""
 
-    def __init__(self, config: ViewerConfig) -> None:
+    def __init__(self, config: ViewerConfig, views: Sequence[Any] = ()) -> None:
+        """`views`: more views of one's own, beside those of the configuration (see `own_views`)."""
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app.catalogue.uploads import UploadLimits, Uploads
         from app.catalogue.visitor import VisitorCatalogue
         from app.engine.engine import Engine
         from app.session.demo import MOST_VISITORS
         from app.session.session import Session
-        from app.web import upload_endpoint as upload_door
+        from app.views import VIEWS
+        from app.views.own.load import own_views
+        from app.web import upload_endpoint
         from app.web.server import Address, free_port, start_server
 
         # A visitor who leaves while his page is drawn is nothing to tell on the terminal.
@@ -64,6 +67,7 @@ class Viewer:
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
+        shown = (*VIEWS, *own_views([*config.views, *views]))
         self.catalogue = Catalogue(config)
         default = self._first_view(config, session)
         address = Address(config.host, config.port, config.token, config.public_url)
@@ -82,7 +86,7 @@ class Viewer:
         def visit(client: viser.ClientHandle) -> Session:
             desk = None if self.uploads is None else self.uploads.desk()
             try:
-                session = Session(client, VisitorCatalogue(self.catalogue, desk), self.engine, default, desk)
+                session = Session(client, VisitorCatalogue(self.catalogue, desk), self.engine, default, desk, shown)
             except BaseException:
                 if desk is not None:
                     desk.close()
@@ -95,7 +99,7 @@ class Viewer:
             self.port,
             visit,
             MOST_VISITORS if config.demo else None,
-            {} if self.uploads is None else {upload_door.PATH: upload_door.UploadEndpoint(self.uploads)},
+            {} if self.uploads is None else {upload_endpoint.PATH: upload_endpoint.UploadEndpoint(self.uploads)},
         )
         self.port = self.server.get_port()
         if default.model_id:
@@ -113,7 +117,7 @@ class Viewer:
         """The one line that is printed."""
         is_moved = self._wanted_port not in (0, self.port)
         busy = f" (port {self._wanted_port} is busy)" if is_moved else ""
-        return f"ET-Net viewer: open {self.url}{busy} — Ctrl+C ends it"
+        return f"ET-Net viewer: open {self.url}{busy} — Press Ctrl+C to stop"
 
     def newest_page(self) -> Page | None:
         """What was drawn last for anybody who is here; `None` before anything was."""

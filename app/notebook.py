@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -86,15 +87,17 @@ class NotebookViewer:
         return f"viewer at {self.url}"
 
 
-def view(recording: Recording | Path | str, height: int = 720, **options: Any) -> NotebookViewer:
+def view(
+    recording: Recording | Path | str, height: int = 720, views: Sequence[Any] = (), **options: Any
+) -> NotebookViewer:
     """Start a viewer on a recording, in this process, and let the notebook embed it.
 
     `options` are those of `etnet-view` (model, precision, threads, roi …). A recording that is open is looked at as the
-    file it came from.
+    file it came from. `views` are views of your own: functions `show(moment)`, files, or `View`s (docs/own_view.md).
     """
     from app.main import Viewer
 
     path = recording if isinstance(recording, str | Path) else recording.path
     if path is None:
         raise EtnetError("this recording was made in memory; write it with etnet.events.write and view the file")
-    return NotebookViewer(Viewer(ViewerConfig(file=Path(path), **{"port": 0, **options})), height)
+    return NotebookViewer(Viewer(ViewerConfig(file=Path(path), **{"port": 0, **options}), views), height)

@@ -35,16 +35,23 @@ def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step
 
     The recording's name stands beside it in the bar, and the badge on the picture that it is about.
     """
+    density = density_html(moment.events_per_pixel, model.trained_band)
     facts = [
         ("sensor", escape(f"{moment.recording.sensor}"), moment.recording.format),
-        ("density", f"{density_html(moment.events_per_pixel, model.trained_band)} ev/px", "events per pixel and window"),
+        (
+            "density",
+            f"{density} ev/px",
+            "events per pixel and window",
+        ),
         ("network", f"<b>{escape(model.title)}</b> {escape(_precision(ready))}", _runtime(ready)),
         ("windowing", escape(policy(moment.policy)), "which events make one frame"),
         ("step", f"{milliseconds(step_milliseconds)} a step" if step_milliseconds else "", "one encode and one decode"),
         ("state", _state(ready), "recurrent state"),
     ]
     listed = "".join(
-        f'<div data-fact="{name}" title="{escape(title)}"><dd>{value}</dd></div>' for name, value, title in facts if value
+        f'<div data-fact="{name}" title="{escape(title)}"><dd>{value}</dd></div>'
+        for name, value, title in facts
+        if value
     )
     return panel("provenance", f'<dl class="et-facts">{listed}</dl>')
 

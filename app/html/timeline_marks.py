@@ -1,4 +1,4 @@
-"""What every strip along the timeline needs: what is cached, the event rate, what tells one plan from another."""
+"""What every strip along the timeline needs: its linear axis, what is cached, the event rate."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from typing import Protocol
 
 from app.html.moment import ARRAYS, Moment
 from etnet.render.timeline import RateCurve, rate_curve
+
+AXIS_WIDTH = 1000
+"""Of the strip's drawing: the recording's first event lies at 0, its last one at the width."""
 
 
 class Cached(Protocol):
@@ -30,6 +33,12 @@ class NothingCached:
 
     frames: tuple[range, ...] = ()
     states: tuple[range, ...] = ()
+
+
+def place_of(moment: Moment, t: float) -> float:
+    """Where a stamp (µs) lies on the strip's linear axis, in its own measure; stamps outside stay at its ends."""
+    span = moment.recording.span
+    return AXIS_WIDTH * min(max((t - span.start) / max(span.stop - span.start, 1), 0.0), 1.0)
 
 
 def curve_of(moment: Moment) -> RateCurve:

@@ -41,18 +41,18 @@ def milliseconds(value: float) -> str:
 
 
 def rate(events_per_second: float) -> str:
-    """640 k events/s."""
-    for size, name in ((1e9, " G"), (1e6, " M"), (1e3, " k")):
+    """640 kev/s."""
+    for size, name in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if events_per_second >= size:
-            return f"{events_per_second / size:.3g}{name} events/s"
-    return f"{events_per_second:.0f} events/s"
+            return f"{events_per_second / size:.3g} {name}ev/s"
+    return f"{events_per_second:.0f} ev/s"
 
 
 def policy(chosen: Policy) -> str:
     """How the events are cut into windows."""
     match chosen:
         case BetweenFrames():
-            return "from camera frame to camera frame"
+            return "between camera frames"
         case ByCount(num_events):
             return f"every {count(num_events)} events"
         case ByDensity(events_per_pixel):

@@ -22,30 +22,80 @@
   const size = () => [window.innerWidth, window.innerHeight];
   window.etnetHello = () => say("hello", tab(), ...size());
 
-  // Clicks, and dragging over an image, which asks at every new place, at most 15 times a second.
+  // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
+  // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile.
   const isPixel = (element) => element?.dataset.k === "pixel";
-  let held = null;
+  const inside = (f) => Math.min(Math.max(f, 0), 0.99999);
+  let held = null; // {key, box, isAxis}
   let last = 0;
-  const pick = (element, event) => {
-    const box = element.getBoundingClientRect();
-    const u = (event.clientX - box.left) / box.width;
-    const v = (event.clientY - box.top) / box.height;
-    const inside = (f) => Math.min(Math.max(f, 0), 0.99999).toFixed(5);
-    say("pick", element.dataset.k, inside(u), inside(v));
+  let owed = 0;
+  const pick = (event) => {
+    const u = inside((event.clientX - held.box.left) / held.box.width);
+    const v = inside((event.clientY - held.box.top) / held.box.height);
+    if (held.isAxis) document.documentElement.style.setProperty("--drag-x", `${100 * u}%`);
+    last = event.timeStamp;
+    say("pick", held.key, u.toFixed(5), v.toFixed(5));
   };
   document.addEventListener("pointerdown", (event) => {
     const element = event.target.closest?.("[data-pick]");
     if (!element || event.button !== 0) return;
-    pick(element, event);
-    held = isPixel(element) ? element : null;
+    const isAxis = element.dataset.drag !== undefined;
+    held = { key: element.dataset.k, box: element.getBoundingClientRect(), isAxis };
+    pick(event);
+    if (!isAxis && !isPixel(element)) held = null;
+    else event.preventDefault();
   });
   document.addEventListener("pointermove", (event) => {
-    if (!held || event.timeStamp - last < 66) return;
-    last = event.timeStamp;
-    const under = held.isConnected ? held : document.elementFromPoint(event.clientX, event.clientY)?.closest("[data-pick]");
-    if (isPixel(under)) pick((held = under), event);
+    if (!held) return;
+    clearTimeout(owed);
+    if (event.timeStamp - last >= 33) pick(event);
+    else owed = setTimeout(() => held && pick(event), 33);
   });
-  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => (held = null));
+  for (const end of ["pointerup", "pointercancel"]) {
+    document.addEventListener(end, (event) => {
+      if (!held) return;
+      clearTimeout(owed);
+      if (end === "pointerup" && held.isAxis) pick(event);
+      held = null;
+      setTimeout(() => held || document.documentElement.style.removeProperty("--drag-x"), 400);
+    });
+  }
+
+  // Along an axis the pointer's time is shown; the wheel looks closer at a part of it.
+  const hover = document.createElement("div");
+  hover.className = "etv-hover";
+  hover.hidden = true;
+  document.body.append(hover);
+  document.addEventListener("pointermove", (event) => {
+    const axis = event.target.closest?.(".et-axis");
+    hover.hidden = !axis;
+    if (!axis) return;
+    const box = axis.getBoundingClientRect();
+    hover.textContent = `${(inside((event.clientX - box.left) / box.width) * Number(axis.dataset.duration)).toFixed(3)} s`;
+    Object.assign(hover.style, { left: `${event.clientX}px`, top: `${box.top - 4}px` });
+  });
+  let zoom = 1;
+  let from = 0;
+  document.addEventListener(
+    "wheel",
+    (event) => {
+      const strip = event.target.closest?.(".et-strip");
+      if (!strip) return;
+      event.preventDefault();
+      const box = strip.getBoundingClientRect();
+      const at = (event.clientX - box.left) / box.width;
+      const fixed = from + at / zoom;
+      if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) from += (event.deltaX || event.deltaY) / box.width / zoom;
+      else {
+        zoom = Math.min(Math.max(zoom * Math.exp(-event.deltaY / 300), 1), 200);
+        from = fixed - at / zoom;
+      }
+      from = Math.min(Math.max(from, 0), 1 - 1 / zoom);
+      document.documentElement.style.setProperty("--zoom", zoom);
+      document.documentElement.style.setProperty("--from", from);
+    },
+    { passive: false },
+  );
 
   // In public the show lets go of the page at the first touch, wherever it is.
   let touched = 0;

@@ -1,36 +1,43 @@
-"""The timeline: event rate, what is cached, camera frames and seconds, all in the slider's own measure."""
+"""The timeline: a linear axis from the recording's first event to its last, whatever the windows are.
+
+Event rate, camera frames, what is cached and the current window stand where they are in time.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from app.html.elements import escape, panel
-from app.html.moment import ARRAYS, Moment
-from app.html.timeline_marks import Cached, NothingCached, curve_of, plan_of
-from app.html.units import count, of_whole, rate, seconds
-from etnet.render.timeline import RateCurve, area_path, frame_ticks, second_ticks
+import numpy as np
 
-_WIDTH, _HEIGHT = 1000, 44
+from app.html.elements import ON_PICK, escape, panel
+from app.html.moment import ARRAYS, Moment
+from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, curve_of, place_of, plan_of
+from app.html.units import count, of_whole, rate, seconds
+from etnet.render.timeline import MICROSECONDS, nice_step
+
+_HEIGHT = 44
 _FLOOR = 34
 """Below it lie the bars of what is cached."""
-_MAX_TICKS = 300
+_MAX_TICKS = 400
+_NUM_SECONDS = 8
 
 
-def timeline_html(moment: Moment, cached: Cached | None = None, *, inset: str = "0px", over: str = "") -> str:
-    """A strip of 44 px over its seconds; its width is windows 0 … n − 1. A click sends `time`.
+def timeline_html(moment: Moment, cached: Cached | None = None, *, over: str = "") -> str:
+    """A strip of 44 px over its seconds. Dragging along it sends `span:0,seconds`.
 
-    `inset` is left free on either side (a slider's own padding). `over`: SVG in the strip's measure, drawn last.
+    `over`: SVG in the strip's measure, drawn last.
     """
-    curve, num = curve_of(moment), len(moment.windows)
-    held = cached or NothingCached()
-    at = moment.index / max(num - 1, 1)
+    window, duration = moment.window, moment.recording.span.duration / MICROSECONDS
+    left, right = place_of(moment, window.t_start), place_of(moment, window.t_stop)
+    now = f'<rect x="{left:.2f}" y="0" width="{max(right - left, 1):.2f}" height="{_FLOOR}" fill="#ffffff2e"/>'
     strip = (
-        f'<div class="et-strip" data-testid="strip">'
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
-        f"{_background(moment, curve, num)}{_bars(held, num)}{over}</svg>"
-        f'<i class="et-head-line" style="left:{at:.3%}"></i></div>'
+        f'<div class="et-strip" data-testid="strip"><div class="et-axis" data-k="span:0,{duration:.6f}" data-drag="1"'
+        f' data-duration="{duration:.6f}" {ON_PICK}>'
+        f'<svg viewBox="0 0 {AXIS_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
+        f"{_background(moment)}{now}{_bars(moment, cached or NothingCached())}{over}</svg>"
+        f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_seconds(moment)}</div></div>'
     )
-    return panel("timeline", strip, _seconds(moment, curve, num), style=f"--inset:{inset}")
+    return panel("timeline", strip)
 
 
 def now_html(moment: Moment) -> str:
@@ -40,9 +47,9 @@ def now_html(moment: Moment) -> str:
     window = moment.window
     partial = " · last, not full" if window.is_partial else ""
     speed = rate(window.num_events / max(window.t_stop - window.t_start, 1) * 1e6)
+    which = f"window {count(moment.index)} <i>of 0 – {count(max(num - 1, 0))}</i>{partial}{_so_far(moment)}"
     line = (
-        f'<div class="et-now"><b data-testid="time">{seconds(stop)}</b>'
-        f'<span data-testid="window">window {count(moment.index)} of {count(num)}{partial}{_so_far(moment)}</span>'
+        f'<div class="et-now"><b data-testid="time">{seconds(stop)}</b><span data-testid="window">{which}</span>'
         f"<span>{seconds(start)} – {seconds(stop)}</span>"
         f"<span>{count(window.num_events)} events</span><span>{speed}</span></div>"
     )
@@ -50,7 +57,7 @@ def now_html(moment: Moment) -> str:
 
 
 def _so_far(moment: Moment) -> str:
-    """That only a part of the file is on show, and how far its index is."""
+    """That only a part of the file is open, and how far its index is."""
     growth = moment.recording.growth
     if growth is None:
         return ""
@@ -58,62 +65,82 @@ def _so_far(moment: Moment) -> str:
     return f'<span class="et-so-far et-warning"> · only its beginning: {indexed}</span>'
 
 
-def _background(moment: Moment, curve: RateCurve, num: int) -> str:
+def _background(moment: Moment) -> str:
     """The parts of the drawing that do not move: made once."""
 
     def make() -> str:
-        path = area_path(curve, num, _WIDTH, _FLOOR - 6)
+        curve = curve_of(moment)
         truth = moment.recording.ground_truth
         ticks = ""
-        if truth is not None and 0 < len(truth) <= _MAX_TICKS:
-            marks = [index / max(num - 1, 1) * _WIDTH for index in frame_ticks(truth.stamps, curve)]
-            ticks = "".join(f"M{x:.1f} 0V5" for x in marks)
-        # Its own drawing order: the curve first, the camera's ticks hang from the top edge.
+        if truth is not None and len(truth):
+            step = -(-len(truth) // _MAX_TICKS)
+            places = (place_of(moment, float(stamp)) for stamp in truth.stamps[::step])
+            ticks = "".join(f"M{x:.1f} 0V4" for x in places)
         return (
-            f'<path d="{path}" transform="translate(0 6)" fill="#8f98a3"/>'
-            f'<path d="{ticks}" stroke="#ffffff" stroke-width="1" vector-effect="non-scaling-stroke"/>'
+            f'<path d="{_area(moment, curve.stamps, curve.rates)}" fill="#4b5160"/>'
+            f'<path d="{ticks}" stroke="#aab0bd" stroke-width="1" vector-effect="non-scaling-stroke"/>'
         )
 
-    return ARRAYS.get(("strip", *plan_of(moment)), make, len)
+    return ARRAYS.get(("strip", *plan_of(moment), moment.recording.span.stop), make, len)
 
 
-def _bars(held: Cached, num: int) -> str:
-    states = _boxes(held.states, num, _FLOOR + 2, 4, "#5f8f78")
-    frames = _boxes(held.frames, num, _FLOOR + 2, 8, "#86e3b0")
-    return f"{states}{frames}"
+def _area(moment: Moment, stamps: np.ndarray, rates: np.ndarray) -> str:
+    """The event rate as an area that stands on the floor."""
+    if len(stamps) == 0:
+        return ""
+    top, height = max(float(rates.max()), 1e-9), _FLOOR - 6
+    points = [
+        (place_of(moment, float(t)), _FLOOR - height * float(r) / top) for t, r in zip(stamps, rates, strict=True)
+    ]
+    line = " ".join(f"L{x:.1f} {y:.1f}" for x, y in points)
+    return f"M0 {_FLOOR} L0 {points[0][1]:.1f} {line} L{points[-1][0]:.1f} {_FLOOR} Z"
 
 
-def _boxes(ranges: Sequence[range], num: int, y: int, height: int, colour: str) -> str:
-    unit = _WIDTH / max(num - 1, 1)
-    return "".join(
-        f'<rect x="{(r.start - 0.5) * unit:.1f}" y="{y}" width="{max(len(r) * unit, 1.5):.1f}" height="{height}"'
-        f' fill="{colour}"/>'
-        for r in ranges
-    )
+def _bars(moment: Moment, held: Cached) -> str:
+    states = _boxes(moment, held.states, _FLOOR + 4, 3, "var(--kept)")
+    frames = _boxes(moment, held.frames, _FLOOR + 3, 5, "var(--exact)")
+    return f'<rect x="0" y="{_FLOOR + 4}" width="{AXIS_WIDTH}" height="3" fill="#ffffff14"/>{states}{frames}'
 
 
-def _seconds(moment: Moment, curve: RateCurve, num: int) -> str:
-    ticks = second_ticks(curve, moment.recording.span.start)
-    step = ticks[1][1] - ticks[0][1] if len(ticks) > 1 else 1.0
+def _boxes(moment: Moment, ranges: Sequence[range], y: int, height: int, colour: str) -> str:
+    boxes = []
+    last = len(moment.windows) - 1
+    for held in ranges:
+        if len(held) == 0 or held.start > last:
+            continue
+        left = place_of(moment, moment.windows[held.start].t_start)
+        right = place_of(moment, moment.windows[min(held.stop - 1, last)].t_stop)
+        width = max(right - left, 1.5)
+        boxes.append(f'<rect x="{left:.1f}" y="{y}" width="{width:.1f}" height="{height}" fill="{colour}"/>')
+    return "".join(boxes)
+
+
+def _seconds(moment: Moment) -> str:
+    """Labels at round times since the first event."""
+    span = moment.recording.span
+    duration = span.duration / MICROSECONDS
+    if duration <= 0:
+        return ""
+    step = nice_step(duration, _NUM_SECONDS)
     digits = max(0, min(3, -int(f"{step:e}".split("e")[1])))
-    labels = [_tick(index / max(num - 1, 1), seconds(t, digits)) for index, t in ticks]
+    labels = [_tick(i * step / duration, seconds(i * step, digits)) for i in range(int(duration / step + 1e-9) + 1)]
     return f'<div class="et-seconds">{"".join(labels)}</div>'
 
 
 def _tick(at: float, text: str) -> str:
-    side = "et-tick-first" if at < 0.03 else "et-tick-last" if at > 0.97 else "et-tick"
+    side = "et-tick-first" if at < 0.01 else "et-tick-last" if at > 0.985 else "et-tick"
     return f'<span class="{side}" style="left:{at:.2%}">{escape(text)}</span>'
 
 
 def timeline_key_html(moment: Moment) -> str:
     """What the colours of the strip mean."""
     truth = moment.recording.ground_truth
-    frames = '<span class="et-swatch"><i style="background:#fff;width:2px;border-radius:0"></i>camera frames</span>'
+    frames = '<span class="et-swatch"><i style="background:#aab0bd;width:2px;border-radius:0"></i>camera frames</span>'
     key = (
         '<div class="et-swatches">'
-        '<span class="et-swatch"><i style="background:#8f98a3;border-radius:2px"></i>events per second</span>'
-        '<span class="et-swatch"><i style="background:#86e3b0;border-radius:2px"></i>images ready</span>'
-        '<span class="et-swatch"><i style="background:#5f8f78;border-radius:2px"></i>memory ready</span>'
-        f"{frames if truth is not None and 0 < len(truth) <= _MAX_TICKS else ''}</div>"
+        '<span class="et-swatch"><i style="background:#7d8595;border-radius:2px"></i>event rate</span>'
+        '<span class="et-swatch"><i style="background:var(--exact);border-radius:2px"></i>frame cached</span>'
+        '<span class="et-swatch"><i style="background:var(--kept);border-radius:2px"></i>state kept</span>'
+        f"{frames if truth is not None and len(truth) else ''}</div>"
     )
     return panel("timeline-key", key)

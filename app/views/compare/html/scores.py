@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 
 from app.html.elements import ON_PICK, empty, escape, panel
 from app.html.moment import Moment
-from app.html.timeline_marks import curve_of
+from app.html.timeline_marks import place_of
 from app.html.units import count, rate, seconds, short
 from app.views.compare.html.lane import SAME_TIME, LaneShown
 from app.views.compare.html.lanes import RULES, decimals
@@ -128,17 +128,16 @@ def trace(xs: Float64[np.ndarray, " n"], ys: Float64[np.ndarray, " n"]) -> str:
 
 
 def curves_over(moment: Moment, series: Sequence[Series], measure: str) -> str:
-    """The same curves in the timeline's own measure (SVG, 1,000 wide): window indices across, 4 … 30 down."""
+    """The same curves in the timeline's own measure (SVG, 1,000 wide): time across, 4 … 30 down."""
     columns = [each.values.get(measure, np.empty(0)) for each in series]
     known = np.concatenate([column[np.isfinite(column)] for column in columns]) if columns else np.empty(0)
     if not len(known):
         return ""
     low, high = float(known.min()), max(float(known.max()), float(known.min()) + 1e-9)
-    curve, last = curve_of(moment), max(len(moment.windows) - 1, 1)
     drawn = ""
     for each, column in zip(series, columns, strict=True):
         is_known = np.isfinite(column)
-        xs = np.interp(each.stamps[is_known], curve.stamps, curve.indices) / last * _WIDTH
+        xs = np.array([place_of(moment, float(t)) for t in each.stamps[is_known]])
         path = trace(xs, 30 - 26 * (column[is_known] - low) / (high - low))
         # A dark edge below it: the curve of the event rate is light.
         for hue, width, mark in (("#101216", 4, ""), (each.lane.colour, 1.5, f' data-lane="{each.lane.name}"')):

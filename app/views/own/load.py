@@ -1,0 +1,103 @@
+"""A user's own file as a view: a `show(moment)` of the common case, or a whole `VIEW`."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from app.views.view import EXPERT, View
+from etnet.errors import EtnetError
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.views.panel import Panel
+
+
+class OwnViewError(EtnetError):
+    """A file of the user's own is no view."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnView:
+    """What a file or a function says: what to call, and its widgets by name with their first values."""
+
+    title: str
+    path: str
+    show: Callable[..., Any]
+    widgets: dict[str, Any]
+
+
+def own_views(sources: Iterable[Path | str | Callable[..., Any] | View]) -> tuple[View, ...]:
+    """The views of files, functions and ready views, in order.
+
+    Raises:
+        OwnViewError: a file cannot be run, or defines neither `show` nor `VIEW`; two views have one name.
+    """
+    views: list[View] = []
+    for source in sources:
+        view = source if isinstance(source, View) else _view_of(source)
+        if any(view.name == known.name for known in views):
+            raise OwnViewError(f"two views are called {view.name}; rename one of the files")
+        views.append(view)
+    return tuple(views)
+
+
+def _view_of(source: Path | str | Callable[..., Any]) -> View:
+    if callable(source):
+        name = getattr(source, "__name__", "view")
+        path = getattr(getattr(source, "__code__", None), "co_filename", "")
+        return _short_form(OwnView(_title(name), path, source, dict(getattr(source, "widgets", {}))))
+    path = Path(source)
+    module = _run(path)
+    view = getattr(module, "VIEW", None)
+    if isinstance(view, View):
+        return view
+    show = getattr(module, "show", None)
+    if not callable(show):
+        raise OwnViewError(f"{path.name}: defines neither show(moment) nor VIEW; docs/own_view.md has an example")
+    title = str(getattr(module, "title", _title(path.stem)))
+    return _short_form(OwnView(title[:40], str(path), show, dict(getattr(module, "widgets", {}))))
+
+
+def _run(path: Path) -> Any:
+    if not path.is_file():
+        raise OwnViewError(f"--view {path}: there is no such file")
+    spec = importlib.util.spec_from_file_location(f"own_view_{_plain(path.stem)}", path)
+    if spec is None or spec.loader is None:
+        raise OwnViewError(f"--view {path}: not a Python file; wanted a .py")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise OwnViewError(f"--view {path}: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _short_form(own: OwnView) -> View:
+    name = f"own-{_plain(own.title)}"
+
+    @dataclass(frozen=True, slots=True)
+    class OwnState:
+        """Widgets hold what is chosen; the page keeps nothing."""
+
+        view: ClassVar[str] = name
+
+    def panel(client: viser.ClientHandle) -> Panel:
+        from app.views.own.panel import OwnPanel
+
+        return OwnPanel(own)
+
+    return View(name, own.title, "PUZZLE", OwnState(), panel, settings_in=EXPERT)
+
+
+def _title(stem: str) -> str:
+    return stem.replace("_", " ").strip().capitalize() or "Own view"
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "view"

@@ -1,0 +1,63 @@
+"""What a view of one's own is given and may return."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float32
+
+from etnet.events.events import Events
+from etnet.events.recording import Recording
+from etnet.windows import Window
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnMoment:
+    """The current window. What is not there yet is `None`; the view is called again when it is."""
+
+    recording: Recording
+    window: Window
+    windows: Sequence[Window]
+    events: Events
+    voxel: Float32[np.ndarray, "bins h w"]
+    """The network's input, before a normalisation that some networks add."""
+    frame: Float32[np.ndarray, "h w"] | None
+    """The network's raw output for this window, not clipped."""
+    truth: Float32[np.ndarray, "h w"] | None
+    """The camera frame nearest to the window's end, 0 … 1."""
+    query: tuple[int, int] | None
+    """The chosen pixel (x, y)."""
+    attention: Attention | None
+    """Of the chosen pixel's window, where a pixel is chosen and the network has attention."""
+    is_exact: bool
+    """Whether `frame` is, bit for bit, that of a run from the first window on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plot:
+    """Curves: names to values, all over `x` (their place by default)."""
+
+    lines: dict[str, Any]
+    x: Any = None
+    x_label: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Rows of cells under their heads."""
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[object]] = field(default_factory=tuple)
+
+
+@dataclass(frozen=True, slots=True)
+class Html:
+    """HTML as it stands: the file is its user's own."""
+
+    content: str
