@@ -4,34 +4,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from threading import RLock
 
 from app.catalogue.recordings import Entry
 from app.catalogue.temp_folder import PrivateFolder
-from app.catalogue.visitor_uploads import MEGABYTE, UploadError, VisitorUploads, in_megabytes
+from app.catalogue.visitor_uploads import MEGABYTE, UploadError, UploadLimits, VisitorUploads, in_megabytes
 
-MOST_FILES = 8
-"""Files that one visitor may have here at once."""
-ALL_VISITORS = 4
-"""All visitors together may have so many times what one may have."""
 SPARE_DISK = 256 * MEGABYTE
 """Bytes of the disk that are left free whatever comes."""
-
-
-@dataclass(frozen=True, slots=True)
-class UploadLimits:
-    """`visitor_bytes` is what one visitor may have here at once, so also the largest file."""
-
-    visitor_bytes: int
-    total_bytes: int
-    visitor_files: int = MOST_FILES
-
-    @classmethod
-    def of_megabytes(cls, megabytes: int) -> UploadLimits:
-        """The limits that `--uploads MB` means."""
-        return cls(megabytes * MEGABYTE, ALL_VISITORS * megabytes * MEGABYTE)
 
 
 class Uploads:

@@ -15,18 +15,20 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import RLock
+from typing import Protocol
 
 from app.catalogue.folder import size_of
 from app.catalogue.recordings import Entry
 from etnet.errors import EtnetError
 from etnet.events.index_store import BESIDE
 
-if TYPE_CHECKING:
-    from app.catalogue.uploads import Uploads
-
 MEGABYTE = 1 << 20
 LONGEST_TITLE = 80
+MOST_FILES = 8
+"""Files that one visitor may have here at once."""
+ALL_VISITORS = 4
+"""All visitors together may have so many times what one may have."""
 TELL_EVERY = 0.15
 """Seconds between two reports of how far a transfer is."""
 _SUFFIXES = re.compile(r"(\.[A-Za-z0-9]{1,8}){1,2}$")
@@ -55,10 +57,41 @@ class UploadsShown:
     refused: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class UploadLimits:
+    """`visitor_bytes` is what one visitor may have here at once, so also the largest file."""
+
+    visitor_bytes: int
+    total_bytes: int
+    visitor_files: int = MOST_FILES
+
+    @classmethod
+    def of_megabytes(cls, megabytes: int) -> UploadLimits:
+        """The limits that `--uploads MB` means."""
+        return cls(megabytes * MEGABYTE, ALL_VISITORS * megabytes * MEGABYTE)
+
+
+class UploadRoom(Protocol):
+    """What all visitors share: limits, a lock, the disk, and the catalogue that takes their files in."""
+
+    limits: UploadLimits
+    lock: RLock
+    take_in: Callable[[Entry], None]
+    let_go: Callable[[str], None]
+
+    def room(self, desk: VisitorUploads, size: int) -> Path:
+        """The visitor's folder, if `size` bytes more fit here at all."""
+        ...
+
+    def leave(self, desk: VisitorUploads) -> None:
+        """Forget a visitor with all files."""
+        ...
+
+
 class VisitorUploads:
     """One visitor's files. His page shows its `ticket` with each; nobody else knows it."""
 
-    def __init__(self, uploads: Uploads) -> None:
+    def __init__(self, uploads: UploadRoom) -> None:
         self.ticket = secrets.token_urlsafe(18)
         self.folder_name = secrets.token_hex(8)
         self.num_bytes = 0

@@ -19,7 +19,7 @@ from app.catalogue.uploads import UploadLimits, Uploads
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE, UploadError, in_megabytes, title_of
 from app.config import UPLOADS, ConfigError, ViewerConfig
-from app.views.recording.html.uploads import handing_html
+from app.html.uploads import handing_html
 from etnet.errors import EtnetError
 from etnet.events.index_store import index_path, load_index, save_index
 from etnet.events.write import write_recording

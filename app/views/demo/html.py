@@ -8,13 +8,13 @@ from app.catalogue.recording_id import listed_id
 from app.html.attention.maps import places_html
 from app.html.elements import ON_PICK
 from app.html.pictures import camera_frame_html, event_image_html
+from app.html.uploads import public_handing_html
 from app.views.attention.state import AttentionState, look_of
 from app.views.demo.state import Act, DemoState
 from app.views.events.state import EventsState
 from app.views.page import Page
 from app.views.reconstruction.html import reconstruction_of
 from app.views.reconstruction.state import tones_of
-from app.views.recording.html.uploads import public_handing_html
 
 SAYINGS: dict[Act, tuple[str, str]] = {
     "events": (

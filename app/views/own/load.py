@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from app.views.own.values import OwnView
 from app.views.view import EXPERT, View
 from etnet.errors import EtnetError
 
@@ -20,16 +21,6 @@ if TYPE_CHECKING:
 
 class OwnViewError(EtnetError):
     """A file of the user's own is no view."""
-
-
-@dataclass(frozen=True, slots=True)
-class OwnView:
-    """What a file or a function says: what to call, and its widgets by name with their first values."""
-
-    title: str
-    path: str
-    show: Callable[..., Any]
-    widgets: dict[str, Any]
 
 
 def own_views(sources: Iterable[Path | str | Callable[..., Any] | View]) -> tuple[View, ...]:

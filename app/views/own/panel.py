@@ -14,8 +14,7 @@ from app.html.elements import empty, panel
 from app.html.moment import Moment
 from app.state.intents import FormChanged
 from app.views.own.html import error_html, own_html
-from app.views.own.load import OwnView
-from app.views.own.values import OwnMoment
+from app.views.own.values import OwnMoment, OwnView
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, on_visitor
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -61,3 +61,13 @@ class Html:
     """HTML as it stands: the file is its user's own."""
 
     content: str
+
+
+@dataclass(frozen=True, slots=True)
+class OwnView:
+    """What a file or a function says: what to call, and its widgets by name with their first values."""
+
+    title: str
+    path: str
+    show: Callable[..., Any]
+    widgets: dict[str, Any]

@@ -14,6 +14,7 @@ from app.engine.jobs import JobResult
 from app.engine.requests import Precision
 from app.html.card import card
 from app.html.choices import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
+from app.html.uploads import handing_html
 from app.state import intents as ask
 from app.views.page import Choice, Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched
@@ -21,7 +22,6 @@ from app.views.recording.assumptions_panel import Statement
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.html.examination import closed_html, doctor_html
 from app.views.recording.html.fitness import fitness_button_html, fitness_html
-from app.views.recording.html.uploads import handing_html
 from app.views.recording.html.video import film_html
 from app.views.recording.jobs.examination import SLOT
 from app.views.recording.jobs.fitness import SLOT as FITNESS_SLOT
