@@ -41,7 +41,7 @@ from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.page import LaneFrame, Page
 from app.views.reduce import reduce_views
-from app.views.view import View, open_views
+from app.views.view import View, open_views, touched_views
 
 if TYPE_CHECKING:
     from etnet.playback.playback import CacheReport
@@ -334,7 +334,7 @@ class Session:
         request = FrameRequest(
             state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
         )
-        for view in self._views:
+        for view in touched_views(state, self._views):
             request = view.change_request(view.of(state), request)
         if self._answers.ask(request):
             self._engine.request(self._visitor, request, self._hear)
@@ -350,7 +350,7 @@ class Session:
         for view in open_views(self._state, self._views):
             jobs.update(view.jobs(self._state, request))
             jobs.update(view.lane_jobs(self._state, moment, lanes, self._num_seen))
-        for view in self._views:
+        for view in touched_views(self._state, self._views):
             jobs.update(view.background_jobs(self._state, request))
         return jobs
 

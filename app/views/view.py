@@ -137,6 +137,12 @@ def tabs(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
     )
 
 
+def touched_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
+    """The views whose slice is not as it began: only these can have changed a request or ordered a file."""
+    touched = {slice_.view for slice_ in state.slices}
+    return tuple(view for view in views if view.initial.view in touched)
+
+
 def open_tab(state: ViewState, views: Sequence[View]) -> View | None:
     """The one whose settings are open: as a visitor chose, else the first."""
     offered = tabs(state, views)
