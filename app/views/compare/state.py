@@ -97,6 +97,8 @@ def reduce_compare(slice_: CompareState, intent: Any, here: Here) -> CompareStat
         case StartCold(is_cold):
             window = here.window
             return _with_lane(slice_, "cold_from", window.t_start if is_cold and window else None)
+        case ask.ShowWorkspace("compare") if slice_.inspector == "none":
+            return replace(slice_, inspector="lanes")
         case ask.OpenRecording() | ask.ReopenRecording():
             return replace(slice_, lanes=tuple(replace(lane, cold_from=None) for lane in slice_.lanes), offset=0)
     return _sound(slice_)

@@ -82,6 +82,8 @@ def reduce_recording(slice_: RecordingState, intent: Any, here: Here) -> Recordi
     """Marks in the wrong order are no stretch: the one that was set last stays."""
     state = here.state
     match intent:
+        case ask.ShowWorkspace("recording"):
+            return replace(slice_, examines=True)
         case MarkTrim(end):
             if here.window is None:
                 return slice_

@@ -53,7 +53,7 @@ def lanes_html(
         body = f'<div class="et-lanes">{"".join(cards)}{draw.camera(lanes[0])}</div>'
     more = ""
     if len(lanes) <= MOST_LANES:
-        more = f'<button class="et-back" data-k="compare:add" {ON_PICK}>Add a lane</button>'
+        more = f'<button class="et-back" data-k="compare:add" {ON_PICK}>Add a run</button>'
     scale = _scale(view, len(lanes)) if view.sight in ("difference", "error") else ""
     lock = f"all at {seconds(moment.seconds[1])} of the recording, each by its window that ends nearest"
     return panel(
@@ -101,20 +101,20 @@ class _Draw:
         """A lane's reconstruction, as it is displayed."""
         ready = lane.ready
         if ready is None:
-            return empty("No image yet", "It is computed when nobody waits for another one.")
+            return empty("No image yet", "It is computed as soon as nobody waits for another frame.")
         url = self._url(("lane", ready.key, lane.tones), lambda: reconstruction_image(ready, lane.tones), True)
-        return self._picture(url, f"Lane {lane.name}: window {ready.request.index}", not lane.is_there)
+        return self._picture(url, f"Run {lane.name}: window {ready.request.index}", not lane.is_there)
 
     def error(self, lane: LaneShown) -> str:
         """A lane's raw frame minus the camera's."""
         ready, truth = lane.ready, truth_frame(self._moment, lane.truth)
         if truth is None:
-            return empty("No camera frame", "This recording has none of the sensor’s size: nothing to err against.")
+            return empty("No camera frame", "No ground truth of the sensor’s size.")
         if ready is None or lane.truth is None:
             return self.frame(lane)
         key = ("error", ready.key, self._moment.recording_id, lane.truth.index)
         url = self._url(key, lambda: diverge(ready.frame - truth, ERROR_LIMIT), False)
-        return self._picture(url, f"Lane {lane.name} minus camera", not lane.is_there)
+        return self._picture(url, f"Run {lane.name} minus camera", not lane.is_there)
 
     def camera(self, main: LaneShown) -> str:
         """The ground truth as a card of its own, with how far from the window's end it was taken."""
@@ -161,7 +161,7 @@ class _Draw:
             return f'<div class="et-lane-head"><span>{what}</span></div>'
         return (
             f'<div class="et-lane-head"><button data-k="compare:choose:{lane.number - 1}" {ON_PICK}>{what}</button>'
-            f'<button data-k="compare:remove:{lane.number - 1}" {ON_PICK} title="Remove this lane">×</button></div>'
+            f'<button data-k="compare:remove:{lane.number - 1}" {ON_PICK} title="Remove this run">×</button></div>'
         )
 
     def _url(self, key: tuple[object, ...], make: Callable[[], np.ndarray], is_photograph: bool) -> str:

@@ -1,4 +1,4 @@
-"""Scores over time: one curve a lane, means, the worst frames. A click on either goes there."""
+"""Scores over time: one curve a run, means, the worst frames. A click on either goes there."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def scores_html(moment: Moment, series: Sequence[Series], view: CompareState) ->
     has_it = any(np.isfinite(each.values.get(measure, np.empty(0))).any() for each in series)
     chart = _chart(moment, series, measure) if has_it else _why_empty(series, measure, view)
     worst = _worst(moment, series[min(view.chosen + 1, len(series) - 1)], measure) if has_it else ""
-    title = f'<div class="et-lead">{TITLES[measure]}, one curve a lane</div>'
+    title = f'<div class="et-lead">{TITLES[measure]}, one curve a run</div>'
     return panel("scores", title, chart, _progress(series), _means(series), worst, _words(series, view))
 
 

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 def excerpt_html(moment: Moment, view: RecordingState, result: JobResult | None) -> str:
     """Two marks, what lies between them, and the button that makes a file of it."""
-    title = "<h4>Cut out a stretch</h4>"
+    title = "<h4>Trim</h4>"
     if view.cut is not None and (result is None or not result.trouble):
         share = 0.0 if result is None else result.share
         bar = f'<div class="et-bar"><i style="width:{share:.0%}"></i></div>'
-        lag = f'<div class="et-lag"><span>being cut out, {share:.0%}</span>{bar}</div>'
+        lag = f'<div class="et-lag"><span>trimming, {share:.0%}</span>{bar}</div>'
         return panel("cut", title, lag, _button("drop", "Cancel"))
     marks = _button("from", "From here") + _button("to", "To here")
     is_marked = view.excerpt.is_marked and view.excerpt.recording_id == moment.recording_id
-    cut = _button("trim", "Cut and download", "et-strong") if is_marked else ""
+    cut = _button("trim", "Trim and download", "et-strong") if is_marked else ""
     trouble = ""
     if view.cut is not None and result is not None:
         trouble = f'<div class="et-failed" role="alert">{escape(result.trouble)}</div>'
