@@ -74,14 +74,14 @@ class ViewerConfig:
     """Of FILE, and of what lies in --data."""
 
     uploads: Annotated[int | Literal["off"] | None, tyro.conf.arg(metavar="{off,MB}")] = None
-    """MB that a visitor may hand over from his browser, or off. By default 256, and off where others can come in
-    (--demo, --public-url, --host). His files are his alone, and go when he goes."""
+    """MB that a visitor may upload from the browser, or off. By default 256, and off where others can come in
+    (--demo, --public-url, --host). A visitor's files are private, and go with them."""
 
     views: Annotated[tuple[Path, ...], tyro.conf.arg(name="view", metavar="FILE"), tyro.conf.UseAppendAction] = ()
     """A Python file of your own that is shown as a tab: it defines show(moment). May be given again."""
 
     demo: bool = False
-    """For a stand in public: shows itself until somebody touches it, and starts over when he has gone."""
+    """For a stand in public: shows itself until somebody touches it, and starts over when they have gone."""
 
     def __post_init__(self) -> None:
         if self.demo and self.data is not None:

@@ -62,7 +62,7 @@ class Viewer:
         from app.web import upload_endpoint
         from app.web.server import Address, free_port, start_server
 
-        # A visitor who leaves while his page is drawn is nothing to tell on the terminal.
+        # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
         session = session_in(config)
         if session is not None:
@@ -156,7 +156,7 @@ class Viewer:
             forget_cleaned(recording)
 
     def _forget(self, recording_id: str) -> None:
-        """Let go of everything that was computed of a recording."""
+        """Forget everything that was computed of a recording."""
         from app.html.moment import ARRAYS, PICTURES
 
         self.engine.forget(recording_id)

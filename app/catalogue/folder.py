@@ -28,7 +28,7 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
     """What can be a recording, by its path, the upper folders first.
 
     No link to a folder is followed: it leads in a circle, or out, or to what is found without it. A file may be a link
-    if what it leads to lies in `folder` too; whoever watches a folder does not offer what lies elsewhere.
+    if what it leads to lies in `folder` too; a watched folder offers nothing that lies elsewhere.
     """
     from etnet.events.formats.registry import FORMATS
 

@@ -44,7 +44,7 @@ def stated_in(recording_id: str) -> Assumptions:
     width, height = (None, None) if sides is None else (int(sides[0][:6]), int(sides[1][:6]))
     found = Assumptions(width, height, unit, polarity, _SORT in words, _DROP in words)
     if stated_id("", found) != f"{_MARK}{said}":
-        raise RecordingError("what is stated of this recording is not understood; choose it anew")
+        raise RecordingError("what is stated of this recording is not understood; choose it again")
     return found
 
 

@@ -60,7 +60,7 @@ class Entry:
     subtitle: str
     path: Path = field(repr=False)
     terms: str = ""
-    """What a visitor has to know before he opens it; empty where there is nothing."""
+    """What a visitor has to know before opening it; empty where there is nothing."""
     remote: RemoteSample | None = field(default=None, repr=False)
     """What has to be fetched first, for "on demand"."""
 
@@ -84,7 +84,7 @@ class Catalogue:
     def entries(self) -> tuple[Entry, ...]:
         """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched.
 
-        Whoever asks sets off a look into the folder, if one is due; what it finds is there when he asks again.
+        A question sets off a look into the folder, if one is due; what it finds is there for the next one.
         """
         with self._lock:
             is_due = time.monotonic() >= self._next_look
@@ -107,7 +107,7 @@ class Catalogue:
             known = {entry.id for entry in entries} | self._private.keys()
             self._entries = entries
             for gone in [key for key in self._open if listed_id(key) not in known]:
-                del self._open[gone]  # closed when its last user lets go of it
+                del self._open[gone]  # closed when its last user releases it
             for gone in self._opening.keys() - known:
                 del self._opening[gone]
 
@@ -166,7 +166,7 @@ class Catalogue:
                     raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
                 self._open[known_as(recording_id, recording)] = recording
                 while len(self._open) > KEPT_OPEN:
-                    self._open.popitem(last=False)  # closed when its last user lets go of it
+                    self._open.popitem(last=False)  # closed when its last user releases it
             return recording
 
     def _held(self, recording_id: str) -> Recording | None:
@@ -183,12 +183,12 @@ class Catalogue:
         return self._open[key]
 
     def take_in(self, entry: Entry) -> None:
-        """Let a recording be opened by whoever knows its id; it stands in no list."""
+        """Let a recording be opened by anybody who knows its id; it stands in no list."""
         with self._lock:
             self._private[entry.id] = entry
 
     def let_go(self, recording_id: str) -> tuple[Recording, ...]:
-        """Forget what was taken in; gives what was open of it, which is closed when its last user lets go of it."""
+        """Forget what was taken in; gives what was open of it, which is closed when its last user releases it."""
         self.films.let_go(recording_id)
         with self._lock:
             self._private.pop(recording_id, None)
@@ -287,12 +287,12 @@ def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
 
 
 def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
-    """The same error; of a visitor's file, by the name he knows: where it lies is nobody's business."""
+    """The same error; of a visitor's file, by the name they gave it: where it lies is nobody's business."""
     return RecordingError(_named(str(error), entry)) if entry.kind == "upload" else error
 
 
 def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
-    """The same recording; a visitor's file is called as he calls it, in what was noticed, too."""
+    """The same recording; a visitor's file has the name they gave it, in what was noticed, too."""
     if entry.kind != "upload":
         return recording
     remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)

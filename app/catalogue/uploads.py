@@ -61,7 +61,7 @@ class Uploads:
         return folder
 
     def leave(self, desk: VisitorUploads) -> None:
-        """Forget a visitor with all that he brought."""
+        """Forget a visitor with all their files."""
         with self.lock:
             self._desks.pop(desk.ticket, None)
             folder = None if self._folder is None else self._folder.path / desk.folder_name

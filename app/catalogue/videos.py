@@ -1,7 +1,7 @@
 """Videos as an event sensor would see them: simulated beside the page, one film for each video and setting.
 
 A film's id is its video's, with the setting behind it, so that everything that is computed of it is kept by that. It is
-made for as long as somebody looks at it; each visitor looks at one at a time, the one he opened last.
+made for as long as somebody looks at it; each visitor looks at one at a time, the last one opened.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _LOW_PRIORITY = 10
 
 @dataclass(frozen=True, slots=True)
 class VideoShown:
-    """What a page says of the film on show; times are seconds of video, `work` seconds of work for one of them."""
+    """What a page says of the current video; times are seconds of video, `work` seconds of work for one of them."""
 
     contrast: float
     noise: float

@@ -1,4 +1,4 @@
-"""What one visitor can open: what everybody can, and the files that he handed over himself."""
+"""What one visitor can open: what everybody can, and their own uploads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class VisitorCatalogue:
         self._looks_at = ""
 
     def entries(self) -> tuple[Entry, ...]:
-        """His own files first."""
+        """Their own files first."""
         return (() if self._desk is None else self._desk.entries) + self._shared.entries()
 
     def growing(self) -> tuple[str, ...]:
@@ -53,9 +53,9 @@ class VisitorCatalogue:
         return self._shared.open(recording_id, progress)
 
     def looks_at(self, recording_id: str) -> None:
-        """He looks at this now: a video is begun under the setting in the id, what he looked at before may end.
+        """They look at this now: a video is begun under the setting in the id, the former one may end.
 
-        Called by his own thread, so that the newest request is the last one.
+        Called by the visitor's thread, so that the newest request is the last one.
         """
         if recording_id == self._looks_at:
             return
@@ -63,14 +63,14 @@ class VisitorCatalogue:
         try:
             entry = self.entry(recording_id)
         except CatalogueError:
-            return  # whoever opens it is told
+            return  # the one who opens it is told
         if self._shared.is_film(entry):
             self._shared.films.begin(self._visitor, recording_id, entry.path, entry.title)
         else:
             self._shared.films.watch(self._visitor, None)
 
     def can_be_stated(self, recording_id: str) -> bool:
-        """Whether he may say of a recording what its file does not; not of one that is gone."""
+        """Whether they may say of a recording what its file does not; not of one that is gone."""
         try:
             return self._shared.can_be_stated(self.entry(recording_id))
         except CatalogueError:
@@ -89,5 +89,5 @@ class VisitorCatalogue:
         return self._shared.films.shown(recording_id)
 
     def close(self) -> None:
-        """He has gone."""
+        """They have gone."""
         self._shared.films.watch(self._visitor, None)

@@ -1,6 +1,6 @@
 """One visitor's files, and one on its way. Each lies in a folder of its own, and goes when its visitor goes.
 
-Nothing here knows how bytes come in: a `Transfer` counts them, whoever brings them, and takes none beyond what was
+Nothing here knows how bytes come in: a `Transfer` counts them, from any source, and takes none beyond what was
 declared. The visitor's name for a file is only ever shown.
 """
 
@@ -89,7 +89,7 @@ class UploadRoom(Protocol):
 
 
 class VisitorUploads:
-    """One visitor's files. His page shows its `ticket` with each; nobody else knows it."""
+    """One visitor's files. The page shows its `ticket` with each; nobody else knows it."""
 
     def __init__(self, uploads: UploadRoom) -> None:
         self.ticket = secrets.token_urlsafe(18)
@@ -174,14 +174,14 @@ class VisitorUploads:
             self.on_change("")
 
     def clear(self) -> None:
-        """Whoever comes next to this page must not see what was here."""
+        """The next visitor of this page must not see what was here."""
         with self._lock:
             self._refused = ""
         for entry in self.entries:
             self.remove(entry.id)
 
     def close(self) -> None:
-        """The visitor has gone: his files go, and all that was made of them."""
+        """The visitor has gone: the files go, and all that was made of them."""
         with self._lock:
             self._is_closed = True
             gone = [entry for entry, _ in self._files.values()]

@@ -45,7 +45,7 @@ class ByteCache:
         return self.get(key, make, getsizeof)
 
     def forget(self, word: str) -> None:
-        """Let go of every value in whose key this word stands: a recording's id that no other key can hold."""
+        """Forget every value in whose key this word stands: a recording's id that no other key can hold."""
         with self._lock:
             for key in [key for key in self._values if word in repr(key)]:
                 self._nbytes -= self._values.pop(key)[1]

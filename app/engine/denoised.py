@@ -1,4 +1,4 @@
-"""Recordings with their noise taken out: each is made once and shared by whoever plans or plays it."""
+"""Recordings with their noise taken out: each is made once and shared by all who plan or play it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cleaned_once(recording: Recording, cleaning: Cleaning) -> Recording:
 
 
 def forget_cleaned(recording: Recording) -> None:
-    """Let go of what was made of a recording."""
+    """Forget what was made of a recording."""
     with _lock:
         for key in [key for key in _held if key[0] is recording]:
             del _held[key]

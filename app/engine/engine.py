@@ -95,7 +95,7 @@ class Engine:
             self._book.settle(turn)
 
     def drop(self, visitor: str) -> None:
-        """Forget a visitor who has left; work for him ends after the step that runs."""
+        """Forget a visitor who has left; work for them ends after the step that runs."""
         self._book.drop(visitor)
         self._jobs.drop(visitor)
 
@@ -114,7 +114,7 @@ class Engine:
             self._book.changed.notify_all()
 
     def forget(self, recording_id: str) -> None:
-        """Let go of everything that was computed of a recording, after the step that runs."""
+        """Forget everything that was computed of a recording, after the step that runs."""
         with self._book.changed:
             self._to_forget.append(recording_id)
             self._book.changed.notify_all()

@@ -56,5 +56,5 @@ class Writer:
     def _run(self, work: Callable[[Writer], object]) -> None:
         try:
             work(self)
-        except BaseException as error:  # told to whoever ordered it, on the engine's thread
+        except BaseException as error:  # told to the one who ordered it, on the engine's thread
             self._failure = error

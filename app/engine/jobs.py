@@ -19,7 +19,7 @@ from app.engine.requests import FrameRequest
 from etnet.errors import Cancelled, EtnetError, ModelError
 
 KEPT_BYTES = 64 << 20
-"""Whole answers that are kept for whoever asks again; the oldest go."""
+"""Whole answers that are kept for who asks again; the oldest go."""
 
 _log = logging.getLogger(__name__)
 
@@ -35,8 +35,8 @@ class Job(Hashable, Protocol):
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[object, float]]:
         """The answer so far and the share done (0 … 1), again and again; the last one is whole.
 
-        Each stretch between two yields should be about one decode long. Whoever replays passes `cancelled` on; a
-        `Cancelled` that comes out begins the job anew later, when the states that were laid make it shorter.
+        Each stretch between two yields should be about one decode long. A job that replays passes `cancelled` on; a
+        `Cancelled` that comes out restarts the job later, when the states that were laid make it shorter.
         """
         ...
 
@@ -97,7 +97,7 @@ class JobQueue:
             _end(entry)
 
     def forget(self, recording_id: str) -> None:
-        """Let go of every answer about a recording."""
+        """Forget every answer about a recording."""
         with self._changed:
             for job in [job for job in self._kept if is_of(job.request.recording_id, recording_id)]:
                 self._kept_bytes -= self._kept.pop(job)[1]
@@ -173,7 +173,7 @@ class JobQueue:
 
 
 def _end(entry: _Entry | None) -> None:
-    """Let go of an iterator that refers to its entry, so that what it holds ends now and not with the next sweep."""
+    """Drop an iterator that refers to its entry, so that what it holds ends now and not with the next sweep."""
     if entry is not None:
         entry.answers = None
 

@@ -205,7 +205,7 @@ class PlaybackCache:
         return frozenset(self._stages)
 
     def forget(self, recording_id: str) -> None:
-        """Let go of every playback of a recording."""
+        """Forget every playback of a recording."""
         self._let_go([key for key in self._stages if is_of(str(key[0]), recording_id)])
 
     def attention(self, request: FrameRequest) -> Attention | None:
@@ -216,7 +216,7 @@ class PlaybackCache:
         return self._attention.get(key)
 
     def keep_attention(self, request: FrameRequest, attention: Attention) -> None:
-        """Hold a frame's attention for whoever asks next; the oldest go when their share of the budget is full."""
+        """Hold a frame's attention for the next request; the oldest go when their share of the budget is full."""
         key = (*request.playback, *request.frame)
         if key not in self._attention:
             self._attention_bytes += attention.nbytes

@@ -28,7 +28,7 @@ class PendingRequest:
 
 
 class RequestQueue:
-    """At most one request a visitor: a newer one replaces it. Whoever was served longest ago is next."""
+    """At most one request a visitor: a newer one replaces it. The visitor served longest ago is next."""
 
     def __init__(self) -> None:
         self.changed = Condition()

@@ -35,7 +35,7 @@ class RecentFrames:
                 self._nbytes -= self._held.popitem(last=False)[1].frame.nbytes
 
     def forget(self, recording_id: str) -> None:
-        """Let go of a recording's frames."""
+        """Forget a recording's frames."""
         with self._lock:
             for key in [key for key in self._held if is_of(str(key[0]), recording_id)]:
                 self._nbytes -= self._held.pop(key).frame.nbytes

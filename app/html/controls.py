@@ -113,7 +113,7 @@ def under_way(share: float, what: str) -> str:
 
 
 def stale_line(shown: int, wanted: int) -> str:
-    """Said of an answer that belongs to another window than the one on show."""
+    """Said of an answer that belongs to another window than the current one."""
     if shown == wanted:
         return ""
     return f'<div class="et-lag"><span>shows window {count(shown)}; {count(wanted)} follows</span></div>'

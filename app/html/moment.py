@@ -24,7 +24,7 @@ ARRAYS = ByteCache(96 << 20)
 
 @dataclass(frozen=True)
 class Moment:
-    """Equal moments (same recording, policy and index) have equal pictures, whoever looks."""
+    """Equal moments (same recording, policy and index) have equal pictures, for every visitor."""
 
     recording_id: str
     policy: Policy
@@ -39,7 +39,7 @@ class Moment:
 
     @property
     def window(self) -> Window:
-        """The window on show."""
+        """The current window."""
         return ARRAYS.get(("window", *self.key), lambda: self.windows[self.index])
 
     @property

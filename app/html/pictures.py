@@ -75,7 +75,7 @@ def reconstruction_html(
 
 
 def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, failed: Failed | None) -> str:
-    """What is on show and what is being computed; nothing when the wanted frame is there."""
+    """What is shown and what is being computed; nothing when the wanted frame is there."""
     if failed is not None:
         return f'<div class="et-failed" role="alert" data-testid="failed">{escape(failed.message)}</div>'
     if wanted is None:

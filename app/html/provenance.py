@@ -1,4 +1,4 @@
-"""One strip that says what is on show and how it was made."""
+"""One strip that says what is shown and how it was made."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class DemoScript:
         return self._touched_at is None
 
     def touch(self, now: float) -> bool:
-        """A visitor did something; whether control goes over to him with this touch."""
+        """A visitor did something; whether they take control with this touch."""
         was_leading, self._touched_at = self.is_leading, now
         return was_leading
 
@@ -127,7 +127,7 @@ def public_view(default: ViewState) -> ViewState:
 
 
 class Throttle:
-    """A bucket of `BURST` messages that fills by `MOST_MESSAGES` a second; what finds it empty is let go."""
+    """A bucket of `BURST` messages that fills by `MOST_MESSAGES` a second; what finds it empty is dropped."""
 
     def __init__(self, now: float) -> None:
         self._level = BURST

@@ -26,7 +26,7 @@ class NewestFrames:
             self.ready = None
         is_changed = self.request is not None and self.ready is not None and request.change != self.ready.request.change
         if is_changed and self.ready is not None:
-            # What is on show until the answer comes is not what the network, as it is changed now, gives.
+            # What is shown until the answer comes is not what the network, as it is changed now, gives.
             self.ready = replace(self.ready, is_exact=False)
         waits = Working(request, 0, 0, "computing with the change") if is_changed and not request.is_original else None
         self.request, self.working, self.failed = request, waits, None

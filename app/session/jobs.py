@@ -39,7 +39,7 @@ class VisitorJobs:
         self._asked: dict[str, Job] = {}
         self.results: dict[str, JobResult] = {}
         """The newest news by slot. While a changed question is worked on, the answer to the last one stays: compare
-        `result.job` with what is on show to tell."""
+        `result.job` with what is shown to tell."""
 
     def want(self, jobs: Mapping[str, Job]) -> None:
         """Ask what is new, drop what is no longer wanted."""

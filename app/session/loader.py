@@ -51,7 +51,7 @@ class RecordingLoader:
 
     @property
     def share(self) -> float | None:
-        """How much of the file on show is indexed by now; `None` where it is all there."""
+        """How much of the current file is indexed by now; `None` where it is all there."""
         return None if self._opened is None else self._opened.share
 
     def take(self, item: Opened | Unopened | Opening, state: ViewState) -> tuple[tuple[Any, ...], str]:
@@ -85,7 +85,7 @@ class RecordingLoader:
         try:
             recording = held.recording.latest()
         except EtnetError:
-            return False, None  # it is taken away; whoever opens it next is told
+            return False, None  # it is gone; the next one to open it is told
         if recording is held.recording:
             return False, None
         windows = grown_plan(recording, held.policy, held.windows)

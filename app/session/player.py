@@ -16,7 +16,7 @@ class Player:
         self._basis: tuple[float, int, str, Policy | None] | None = None
 
     def due(self, state: ViewState, limits: Limits, now: float, shown: int | None) -> int | None:
-        """The window that should be on show at `now` (seconds of any steady clock); `None` to stay.
+        """The window that should be current at `now` (seconds of any steady clock); `None` to stay.
 
         `shown` is the window of the newest finished reconstruction: with `waits_for_frames` the next window is due
         only when the present one's has come.

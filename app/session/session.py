@@ -1,6 +1,6 @@
-"""One visitor: what he asked for, what his page shows, and the thread that turns the one into the other.
+"""One visitor: what they asked for, what their page shows, and the thread that turns the one into the other.
 
-Callbacks only put things into the mailbox. The visitor's own thread takes them out, folds them into his `ViewState`,
+Callbacks only put things into the mailbox. The visitor's own thread takes them out, folds them into the `ViewState`,
 draws what needs no model at once, and asks the engine for the rest; the newest request wins.
 """
 
@@ -58,7 +58,7 @@ log = logging.getLogger(__name__)
 
 
 class Session:
-    """Made when a visitor connects, closed when he leaves."""
+    """Made when a visitor connects, closed when they leave."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class Session:
         desk: VisitorUploads | None = None,
         views: Sequence[View] = VIEWS,
     ) -> None:
-        """`desk` holds the files that he hands over; it is closed with the session."""
+        """`desk` holds the uploaded files; it is closed with the session."""
         self._client = client
         self._views = views
         self._desk = desk
@@ -91,7 +91,7 @@ class Session:
         self._is_dirty = True
         self._composer = PageComposer(views, catalogue, engine, self._answers, self._held, desk)
         self.drawn: tuple[float, Page] | None = None
-        """When (monotonic clock) and what was drawn last, while he is here; it may be read from any thread."""
+        """When (monotonic clock) and what was drawn last, during the visit; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
@@ -106,11 +106,11 @@ class Session:
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
         self._thread: int | None = None
-        """The identity of his own thread, once it runs."""
+        """The identity of the visitor's thread, once it runs."""
         THREADS.start(self._run, self._visitor)
 
     def close(self) -> None:
-        """The visitor has gone: nothing more is computed for him."""
+        """The visitor has gone: nothing more is computed for them."""
         self._mail.put(Closed())
 
     def _speak(self, item: Item) -> None:
@@ -219,7 +219,7 @@ class Session:
         if (stretch := self._showing.lead(self._state, is_up)) is None:
             return
         if self._desk is not None:
-            self._desk.clear()  # whoever brought it has gone
+            self._desk.clear()  # its owner has gone
         self._state, intents = stretch
         self._arrange()
         for intent in intents:
@@ -234,13 +234,13 @@ class Session:
             return
         recalled, refused = self._keeper.recall(tab)
         if self._has_asked:
-            return  # a slow page said hello when its visitor had already begun: his view is the newer one
+            return  # a slow page said hello when its visitor had begun: their view is the newer one
         self._is_known = True
         self._state = self._showing.restore(recalled, refused)
         self._arrange()
 
     def _answer(self, letter: Shown) -> None:
-        """Whatever a visitor does, the show lets go of his page first."""
+        """Whatever a visitor does, the demo first hands over the page."""
         for intent in self._showing.touch():
             self._reduce(intent)
         before, self._state = self._state, self._showing.answer(letter, self._state)

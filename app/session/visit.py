@@ -52,7 +52,7 @@ class Visit:
 
     @property
     def is_public(self) -> bool:
-        """Whether the page shows itself; whoever comes to it has not been here before."""
+        """Whether the page shows itself; each visitor is a new one."""
         return self._attract is not None
 
     def hears(self) -> bool:
@@ -64,7 +64,7 @@ class Visit:
         return self._attract is None or may_ask(intent, self._views)
 
     def touch(self) -> tuple[Any, ...]:
-        """What follows from the visitor's doing anything: with the first touch control is his."""
+        """What follows from the visitor's doing anything: with the first touch they have control."""
         if self._attract is not None and self._attract.touch(time.monotonic()):
             return (PointAt("none"),)
         return ()
@@ -116,9 +116,7 @@ class Visit:
                 self._help = show_help(self._client)
             case Copied(is_done):
                 title = "Link copied" if is_done else "The link could not be copied"
-                body = (
-                    "Whoever opens it sees this moment." if is_done else "This browser keeps pages from its clipboard."
-                )
+                body = "The link opens this moment." if is_done else "This browser keeps pages from its clipboard."
                 self._client.add_notification(title, body, auto_close_seconds=4.0)
             case FollowLink(value):
                 return self._follow(value, state)

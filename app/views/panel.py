@@ -51,7 +51,7 @@ class Html:
 
 
 def on_visitor(handle: Any, act: Callable[[Any], Any], dispatch: Dispatch) -> None:
-    """PendingRequest a visitor's use of a widget into an intent; what the server itself assigns is no request of his.
+    """Turn a visitor's use of a widget into an intent; what the server itself assigns is none.
 
     `act` gets the widget's value. It runs on viser's event loop and must only make a value.
     """

@@ -76,9 +76,9 @@ def start_server(
     most_visitors: int | None = None,
     doors: Mapping[str, Handler] | None = None,
 ) -> viser.ViserServer:
-    """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when he leaves.
+    """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when they leave.
 
-    Whoever comes when `most_visitors` are here already is told so, and gets no session. `doors` are
+    A visitor who comes when `most_visitors` are here already is told so, and gets no session. `doors` are
     websockets beside viser's, by their path.
     """
     public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()

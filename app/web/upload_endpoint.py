@@ -103,7 +103,7 @@ async def _take(connection: ServerConnection, transfer: Transfer) -> str:
 
 
 async def _nothing_more(connection: ServerConnection, transfer: Transfer) -> None:
-    """The page says that this was all: whoever goes on sending has declared too little."""
+    """The page says that this was all: a page that sends on has declared too little."""
     try:
         last = await asyncio.wait_for(connection.recv(), SILENCE)
     except TimeoutError:

@@ -61,7 +61,7 @@ def caption_html(act: Act) -> str:
 
 
 def compact_html(page: Page) -> str:
-    """The demo on a phone: what is said of the picture on show and the invitation, or what there is to choose from."""
+    """The demo on a phone: what is said of the current picture and the invitation, or what there is to choose from."""
     return (
         f'<div class="etv-compact">{caption_html(page.state.of(DemoState).act)}{bar_html(page, ways_inside="")}</div>'
     )

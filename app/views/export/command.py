@@ -21,7 +21,7 @@ _KINDS: dict[ExportFormat, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """How the command line is told of what is on show: by names, never by where a file lies."""
+    """How the command line is told of what is shown: by names, never by where a file lies."""
 
     file: str
     model: str

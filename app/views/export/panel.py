@@ -1,4 +1,4 @@
-"""What a visitor can take home of the recording on show, and the address of the moment."""
+"""What a visitor can take home of the current recording, and the address of the moment."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class ExportPanel(Panel):
 
     @staticmethod
     def _offers(name: ArrayName, format: ExportFormat, page: Page) -> bool:
-        """Whether there is such an array of what is on show."""
+        """Whether there is such an array."""
         truth = None if page.moment is None else page.moment.recording.ground_truth
         is_there = {"camera": bool(truth), "attention": page.state.query is not None}.get(name, True)
         return format in NUMBERS and is_there
@@ -171,7 +171,7 @@ def _told(page: Page, wanted: StartExport) -> str:
     """The command that makes the same."""
     moment, run = page.moment, run_of(page)
     if wanted.sheet != "panels":
-        words = "The browser saves it. It is made of this moment as it is on show; the scene is left out."
+        words = "The browser saves it. It is made of this moment as it is shown; the scene is left out."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
     if moment is None or run is None:
         words = "The browser saves it. <code>etnet export</code> opens what <code>etnet simulate --video</code> makes."

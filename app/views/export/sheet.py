@@ -1,4 +1,4 @@
-"""What is on show at one moment as one picture to take home: the pictures, the voxel bins, the maps of a pixel."""
+"""One moment as one picture to take home: the pictures, the voxel bins, the maps of a pixel."""
 
 from __future__ import annotations
 

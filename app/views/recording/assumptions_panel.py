@@ -31,7 +31,7 @@ _SENSOR = re.compile(r"\s*(\d{1,5})\s*[x×,; ]\s*(\d{1,5})\s*")
 
 
 class Statement:
-    """A folder that is there for a visitor's own files. Nothing is opened before he presses the button."""
+    """A folder that is there for a visitor's own files. Nothing is opened before the button is pressed."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Lay out the widgets, once. They name the options that errors and remarks speak of."""
@@ -58,7 +58,7 @@ class Statement:
         button.on_click(pressed)
 
     def show(self, page: Page) -> None:
-        """Say what is stated of the recording on show, once it is another one: what is being typed stays."""
+        """Say what is stated of the current recording, once it is another one: what is being typed stays."""
         if self._folder.visible != page.can_be_stated:
             self._folder.visible = page.can_be_stated
         if page.state.recording_id == self._recording_id:

@@ -127,7 +127,7 @@ def _offer(
 ) -> None:
     titles = offered(choices)
     if chosen and chosen not in titles.values():
-        titles = {GONE: chosen, **titles}  # a dropdown would otherwise name another one than is on show
+        titles = {GONE: chosen, **titles}  # a dropdown would otherwise name another one than the current one
     if titles and titles != ids:
         ids.clear()
         ids.update(titles)
@@ -178,7 +178,7 @@ def _is_examined(page: Page) -> bool:
 
 
 def _examination(page: Page) -> JobResult | None:
-    """What is known of the recording on show, and not of the one before it."""
+    """What is known of the current recording, and not of the one before it."""
     result, moment = page.results.get(SLOT), page.moment
     if result is None or moment is None or result.job.request.recording_id != moment.recording_id:
         return None

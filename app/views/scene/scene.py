@@ -28,7 +28,7 @@ from app.views.scene.space import Space, camera_place
 from app.views.scene.state import Camera, SceneState
 
 LAGGING = 0.45
-"""Brightness of a picture that belongs to another window than the one on show."""
+"""Brightness of a picture that belongs to another window than the current one."""
 
 
 class SceneView:

@@ -85,7 +85,7 @@ def _switches(intervention: Intervention, site: str, head: int | None) -> str:
 
 
 def pinned_html(ready: Ready | None, look: AttentionLook | None, slice_: AttentionState) -> str:
-    """The pinned maps of the window on show and their difference; nothing while none is pinned."""
+    """The pinned maps of the current window and their difference; nothing while none is pinned."""
     pins = {slot: pin for slot, pin in (("a", slice_.pin_a), ("b", slice_.pin_b)) if pin is not None}
     attention = ready.attention if ready is not None else None
     if not pins or look is None or ready is None or attention is None:
@@ -102,7 +102,7 @@ def pinned_html(ready: Ready | None, look: AttentionLook | None, slice_: Attenti
         bits, pixels = map_facts(attention, rows[slot], pin.query)
         words = site_words(pin.site, attention.sites).split(",")[0]
         facts = f"≈ {tokens_words(rows[slot])} tokens · {bits:.1f} bits · {pixels:.0f} px"
-        let_go = button("let go", f"attention:unpin:{slot}")
+        let_go = button("Unpin", f"attention:unpin:{slot}")
         label = (
             f"<b>{slot.upper()}</b> {escape(words)}<br>{head_words(pin.head, pin.gather)}<br>"
             f"from ({pin.query[0]}, {pin.query[1]}) · {facts}"

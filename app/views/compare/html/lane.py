@@ -54,7 +54,7 @@ class LaneShown:
     failed: Failed | None = None
     trouble: str = ""
     values: Mapping[str, float] | None = None
-    """Of the frame on show, by measure; `None` while they are not known."""
+    """Of the current frame, by measure; `None` while they are not known."""
 
     @property
     def name(self) -> str:
@@ -68,7 +68,7 @@ class LaneShown:
 
     @property
     def is_there(self) -> bool:
-        """Whether the frame on show is the one that is wanted, and final."""
+        """Whether the current frame is the one that is wanted, and final."""
         ready, request = self.ready, self.request
         return (
             ready is not None
@@ -98,7 +98,7 @@ class LaneShown:
 
     @property
     def warm_up_seconds(self) -> float | None:
-        """Recording seconds until it is called warm, at the rate of the window on show; 0 when it is."""
+        """Recording seconds until it is called warm, at the rate of the current window; 0 when it is."""
         if self.request is None or self.window is None:
             return None
         left = max(self.warm_up - self.request.index, 0)

@@ -28,7 +28,7 @@ Values = Mapping[str, float]
 """Measure → value. "mse", "ssim", "lpips" only where there is a camera frame to hold against."""
 
 _SCORES = ByteCache(4 << 20)
-"""Values by what they depend on: a strip that is asked anew takes up where it was."""
+"""Values by what they depend on: a strip that is asked for again continues."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,7 +80,7 @@ def change_words(change: Change) -> str:
 def _state(change: Change, index: int) -> str:
     if change.is_nothing:
         return (
-            '<div class="et-note">Switch something off below: the image is made anew and stands here beside the '
+            '<div class="et-note">Switch something off below: the image is made again and stands here beside the '
             "original. Nothing is changed now.</div>"
         )
     ahead = ""

@@ -38,7 +38,7 @@ def matters_html(
     shown = next((part for part in parts if part.name == chosen), parts[0])
     rows = [_head(query), *(_row(part, parts, query, part is shown) for part in parts)]
     lead = (
-        "Each part of the network is taken away in turn, and this image is made anew. The change is in % of full "
+        "Each part of the network is taken away in turn, and this image is made again. The change is in % of full "
         "brightness."
     )
     verdict = f'<div class="et-say" data-testid="verdict">{escape(_verdict(parts, query))}</div>' if is_whole else ""

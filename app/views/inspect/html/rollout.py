@@ -73,7 +73,7 @@ def followed_html(followed: Followed, key: object, site: str, sites: tuple[str, 
     span = milliseconds((followed.stamps[-1] - followed.stamps[0]) / 1000) if num > 1 else "one window"
     lead = (
         f"{site_words(site, sites)}, mean of the heads, for pixel ({query[0]}, {query[1]}) in the last {num} windows "
-        f"({span}). Time runs down: the newest line is the window on show."
+        f"({span}). Time runs down: the newest line is the current window."
     )
     url = PICTURES.text(("kymograph", key, num), lambda: _kymograph(followed))
     columns = followed.along_row.shape[1]

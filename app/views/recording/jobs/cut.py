@@ -1,4 +1,4 @@
-"""A stretch of the recording on show as a recording of its own: the file of `etnet cut`, made beside the engine."""
+"""A stretch of the current recording as a recording of its own: the file of `etnet cut`, made beside the engine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The doctor's page of the open recording: looked through once, a block of events at a time, whoever asks."""
+"""The doctor's page of the open recording: looked through once, a block of events at a time; all who ask share it."""
 
 from __future__ import annotations
 

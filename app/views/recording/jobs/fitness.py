@@ -1,4 +1,4 @@
-"""What kind of recording this is: measured once, whoever asks."""
+"""What kind of recording this is: measured once; all who ask share it."""
 
 from __future__ import annotations
 
