@@ -10,9 +10,10 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
-from etnet.errors import Cancelled
+from etnet.errors import Cancelled, ModelError
 from etnet.events.events import Events
 from etnet.nets.base import State
+from etnet.nets.runtime import device_of
 from etnet.playback.playback import Playback
 from etnet.reconstruction import window_events
 from etnet.voxel import MIN_EVENTS, bin_votes, normalise_nonzero, voxel_grid
@@ -65,10 +66,15 @@ def attribute(
         i: window_events(playback.recording, playback.windows[i], playback.edit_at(i)) for i in range(first, index + 1)
     }
     with torch.inference_mode(False), torch.enable_grad():
-        grids = [voxel_grid(events, playback.model.bins).to(_device(playback)) for events in taken.values()]
+        grids = [voxel_grid(events, playback.model.bins).to(device_of(playback.model)) for events in taken.values()]
         voxels = [grid.requires_grad_() for grid in grids]
         known = None if state is None else state.clone()  # tensors made in inference mode know no gradient
         value = _pixel(playback, first, voxels, known, (x, y), cancelled)
+        if not value.requires_grad:
+            raise ModelError(
+                f"{playback.model.name}: no gradient comes back from its frame, so no pixel can be traced to events; "
+                "its step detaches, runs without gradients or leaves torch; use occlude, which needs none"
+            )
         # A frozen state cuts the window off from the pixel: its gradient is zero then.
         gradients = torch.autograd.grad(value, voxels, materialize_grads=True)
     windows = [
@@ -108,14 +114,14 @@ def occlude(
     patch: int = 16,
     cancelled: Callable[[], bool] | None = None,
 ) -> Occlusion:
-    """Take away every patch that holds a vote, one at a time, and reconstruct anew: one run for each of them."""
+    """Take away every patch that holds a vote, one at a time, and reconstruct again: one run for each of them."""
     x, y = _inside(playback, pixel)
     first, state = _start(playback, index, num_back, cancelled)
     grids = [
         voxel_grid(window_events(playback.recording, playback.windows[i], playback.edit_at(i)), playback.model.bins)
         for i in range(first, index + 1)
     ]
-    voxels = [grid.to(_device(playback)) for grid in grids]
+    voxels = [grid.to(device_of(playback.model)) for grid in grids]
     height, width = voxels[0].shape[-2:]
     change = torch.zeros(len(voxels), -(-height // patch), -(-width // patch))
     with torch.inference_mode():
@@ -143,7 +149,7 @@ def _pixel(
     model, pyramid = playback.model, None
     for i, voxel in enumerate(voxels, start=first):
         if cancelled is not None and cancelled():
-            raise Cancelled("nobody wants this attribution any more")
+            raise Cancelled("this attribution is no longer wanted")
         ready = normalise_nonzero(voxel) if model.normalise_voxels else voxel
         pyramid, state = model.encode(ready[None], state, playback.intervention_at(i))
     assert pyramid is not None
@@ -167,7 +173,3 @@ def _inside(playback: Playback, pixel: tuple[int, int]) -> tuple[int, int]:
     if not (0 <= x < sensor.width and 0 <= y < sensor.height):
         raise ValueError(f"pixel ({x}, {y}) lies outside the sensor of {sensor}")
     return x, y
-
-
-def _device(playback: Playback) -> torch.device:
-    return next(playback.model.parameters()).device  # pyright: ignore[reportAttributeAccessIssue]

@@ -44,6 +44,24 @@ def map_numbers(rows: Float[Tensor, "heads queries keys"], grid: TokenGrid, quer
     return MapNumbers(peak_token, peak, entropy_bits(share), (share * apart).sum(-1))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class HeadEntropies:
+    """Two numbers for all heads of a site together, bits. They differ: heads that look at different places have a
+    broad mean map, however sharp each of them is.
+    """
+
+    of_mean_map: Float[Tensor, " queries"]
+    """The entropy of the mean of the heads' maps: that of the map that `choose_head(rows, "mean")` gives."""
+    mean_of_heads: Float[Tensor, " queries"]
+    """The mean of the heads' own entropies: how sharp a head is on average. Never above `of_mean_map`."""
+
+
+def head_entropies(rows: Float[Tensor, "heads queries keys"]) -> HeadEntropies:
+    """Both entropies of each query."""
+    share = rows / rows.sum(-1, keepdim=True)
+    return HeadEntropies(entropy_bits(share.mean(0)), entropy_bits(share).mean(0))
+
+
 def entropy_bits(share: Float[Tensor, "*axes keys"]) -> Float[Tensor, "*axes"]:
     """−Σ p log₂ p along the last axis; a zero adds nothing."""
     return -torch.special.xlogy(share, share).sum(-1) / torch.log(torch.tensor(2.0))

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from etnet.errors import Cancelled, ModelError
+from etnet.inspection.entropy import HeadChoice, choose_head
 from etnet.inspection.sites import Site, sites_of
 from etnet.nets.attention import Attention
 from etnet.nets.padding import TokenGrid
@@ -55,11 +56,13 @@ def rollout(
     token: int,
     discard: float = 0.0,
     tile: int = TILE,
+    fusion: HeadChoice = "mean",
     cancelled: Callable[[], bool] | None = None,
 ) -> Rollout:
     """Roll attention out from `token` of the aggregated tokens back to the tokens that each scale puts in.
 
     `discard` drops the smallest share of each token's weights before they are used, the rest is scaled to sum to 1.
+    `fusion` makes one map of a site's heads: their mean, their largest or smallest weight, or one head by its index.
     All sites must have been probed. Costs about as much as a decode; `cancelled` is asked before every tile and ends
     the work with `Cancelled`.
     """
@@ -73,8 +76,8 @@ def rollout(
         result = torch.zeros_like(mass)
         for queries in mass.nonzero()[:, 0].split(tile):
             if cancelled is not None and cancelled():
-                raise Cancelled("nobody wants this rollout any more")
-            result += mass[queries] @ head_mean_rows(attention, site.name, queries.tolist(), discard).to(mass)
+                raise Cancelled("this rollout is no longer wanted")
+            result += mass[queries] @ fused_rows(attention, site.name, queries.tolist(), discard, fusion).to(mass)
         return result
 
     num_tokens = attention.grid.num_tokens
@@ -103,17 +106,23 @@ def rollout(
     return Rollout(token, scales, torch.stack(entering), attention.grid)
 
 
-def head_mean_rows(
-    attention: Attention, site: str, tokens: list[int], discard: float = 0.0
+def fused_rows(
+    attention: Attention, site: str, tokens: list[int], discard: float = 0.0, fusion: HeadChoice = "mean"
 ) -> Float[Tensor, "queries keys"]:
-    """The head mean of some rows, without the smallest `discard` of each row's weights, scaled to sum to 1."""
-    rows = attention.rows(site, tokens).mean(0)
+    """One map of a site's heads for some queries, without the smallest `discard` of each row's weights.
+
+    Rows sum to 1: they are scaled to where heads are not averaged or weights were dropped. A row whose smallest
+    weights are all 0 is that of the mean.
+    """
+    by_head = attention.rows(site, tokens)
+    rows = choose_head(by_head, fusion)
+    if fusion == "min":
+        rows = torch.where(rows.sum(-1, keepdim=True) > 0, rows, by_head.mean(0))
     num_dropped = int(discard * rows.shape[-1])
     if num_dropped:
         smallest = rows.topk(num_dropped, largest=False).indices
         rows = rows.scatter(-1, smallest, 0.0)
-        rows = rows / rows.sum(-1, keepdim=True)
-    return rows
+    return rows / rows.sum(-1, keepdim=True) if num_dropped or fusion in ("min", "max") else rows
 
 
 def _stacks(attention: Attention) -> dict[int, _Stack]:

@@ -11,6 +11,9 @@ from etnet.errors import ModelError
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
 
+Direction = Literal["attends to", "attended by"]
+"""Of a token's map: its row (where it looks) or its column (who looks at it)."""
+
 _PATTERN = re.compile(r"scale(\d)\.(encoder|decoder)\.(\d+)\.(self|cross)")
 
 
@@ -40,6 +43,13 @@ class Site:
     def reads(self, coarsest: int) -> int:
         """The scale whose tokens are read: its own, or in cross-attention the next coarser; the coarsest its own."""
         return min(self.scale + 1, coarsest) if self.kind == "cross" else self.scale
+
+    def in_words(self, coarsest: int, direction: Direction = "attends to") -> str:
+        """A title that says direction and scales: "1/4 keys that this 1/2 query attends to"."""
+        query, key = (f"1/{2**scale}" if scale else "full-size" for scale in (self.scale, self.reads(coarsest)))
+        if direction == "attends to":
+            return f"{key} keys that this {query} query attends to"
+        return f"{query} queries that attend to this {key} key"
 
 
 def sites_of(attention: Attention) -> tuple[Site, ...]:

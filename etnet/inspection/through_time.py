@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -10,8 +10,9 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from etnet.errors import Cancelled, ModelError
-from etnet.inspection.entropy import entropy_bits
-from etnet.inspection.gates import LevelNorms, level_norms, recurrent_levels
+from etnet.inspection.anatomy import require
+from etnet.inspection.entropy import HeadChoice, choose_head, entropy_bits
+from etnet.inspection.gates import LevelNorms, level_norms
 from etnet.inspection.mass import Region, mass_on, region_shares
 from etnet.nets.attention import AttentionProbe
 from etnet.playback.playback import Playback
@@ -19,17 +20,21 @@ from etnet.playback.playback import Playback
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """The pinned query in one window. `along_row` and `along_column` are attention on the query's own token row and
-    column: one line of a kymograph."""
+    """The pinned query in one window. The axis of heads has length 1 where a head, or their mean, was chosen.
+
+    `along_row` and `along_column` are attention on the query's own token row and column: one line of a kymograph.
+    """
 
     index: int
     t: int
     """The frame's stamp, µs."""
+    pixel: tuple[int, int]
+    """Where the query lay in this window: it moves if a path was followed."""
     sites: tuple[str, ...]
     mass: Float[Tensor, "sites heads"]
     """Attention on the region."""
     entropy: Float[Tensor, "sites heads"]
-    """Bits."""
+    """Bits, of each map of the axis of heads: of a chosen "mean" it is the mean map's, not the heads' mean entropy."""
     along_row: Float[Tensor, "sites heads columns"]
     along_column: Float[Tensor, "sites heads rows"]
 
@@ -40,6 +45,7 @@ class Track:
 
     index: Int64[Tensor, " windows"]
     t: Int64[Tensor, " windows"]
+    pixels: Int64[Tensor, "windows 2"]
     sites: tuple[str, ...]
     mass: Float[Tensor, "windows sites heads"]
     entropy: Float[Tensor, "windows sites heads"]
@@ -58,36 +64,46 @@ class Track:
             for name in ("mass", "entropy", "along_row", "along_column")
         ]
         index, t = (torch.tensor([getattr(moment, name) for moment in held]) for name in ("index", "t"))
-        return Track(index, t, held[0].sites, *stacked)
+        pixels = torch.tensor([moment.pixel for moment in held])
+        return Track(index, t, pixels, held[0].sites, *stacked)
 
 
 def attention_through_time(
     playback: Playback,
-    query: tuple[int, int],
+    query: tuple[int, int] | Mapping[int, tuple[int, int]],
     indices: Sequence[int],
     sites: frozenset[str] | None = None,
     region: Region | None = None,
     cancelled: Callable[[], bool] | None = None,
+    head: HeadChoice | None = None,
 ) -> Iterator[Moment]:
     """The query pixel (x, y) in each of the windows `indices`, one decode each; ascending indices replay least.
 
-    `sites` are all by default, `region` is the whole sensor (so that `mass` is what does not lie on padding).
-    `cancelled` is asked before every window and between replayed steps, and ends the work with `Cancelled`.
+    `query` is one pixel or, of a patch that is followed, a pixel for each index (`follow.pixels_of`). `sites` are all
+    by default, `region` is the whole sensor (so that `mass` is what does not lie on padding). `head` chooses one map
+    of the heads, taken as a distribution; without it every head is kept apart. `cancelled` is asked before every
+    window and between replayed steps, and ends the work with `Cancelled`.
     """
+    require(playback.model, "attention")
     for index in indices:
         if cancelled is not None and cancelled():
-            raise Cancelled("nobody wants this track any more")
+            raise Cancelled("this track is no longer wanted")
         attention = playback.at(index, AttentionProbe(sites), cancelled=cancelled).attention
         if attention is None or not attention.sites:
-            raise ModelError(f"{playback.model.name} has no attention to follow, or none at the sites asked for")
+            raise ModelError(f"{playback.model.name} has no attention at the sites asked for: {sorted(sites or ())}")
         grid = attention.grid
-        token = grid.token_at(*query)
+        pixel = query[index] if isinstance(query, Mapping) else query
+        token = grid.token_at(*pixel)
         row, column = divmod(token, grid.columns)
         rows = torch.stack([attention.rows(site, [token])[:, 0] for site in attention.sites])
+        if head is not None:
+            rows = torch.stack([choose_head(of_site, head) for of_site in rows])[:, None]
+            rows = rows / rows.sum(-1, keepdim=True)
         on_grid = rows.unflatten(-1, (grid.rows, grid.columns))
         yield Moment(
             index,
             playback.windows[index].t_stop,
+            pixel,
             attention.sites,
             mass_on(rows, region_shares(grid, region or Region.whole(grid))),
             entropy_bits(rows),
@@ -100,7 +116,6 @@ def norms_through_time(
     playback: Playback, indices: Sequence[int], cancelled: Callable[[], bool] | None = None
 ) -> Iterator[tuple[int, LevelNorms]]:
     """The norms of each ConvLSTM level after each of the windows `indices`; decodes nothing."""
-    if not recurrent_levels(playback.model):
-        raise ModelError(f"{playback.model.name} has no ConvLSTM levels")
+    require(playback.model, "gates")
     for index in indices:
         yield index, level_norms(playback.state(index, cancelled))

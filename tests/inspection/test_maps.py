@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Literal
 
 import pytest
 import torch
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from etnet.errors import Cancelled, ModelError
-from etnet.inspection.entropy import choose_head, map_numbers, token_middles
+from etnet.inspection.entropy import choose_head, entropy_bits, head_entropies, map_numbers, token_middles
 from etnet.inspection.links import mean_row, strongest_links
 from etnet.inspection.mass import (
     Region,
@@ -68,6 +69,17 @@ def test_heads_are_chosen_or_put_together():
     assert (choose_head(rows, "mean") <= choose_head(rows, "max")).all()
     with pytest.raises(ModelError, match="head 4 of 4"):
         choose_head(rows, 4)
+
+
+def test_the_entropy_of_the_mean_map_is_not_the_mean_of_the_heads_entropies():
+    one_each = torch.eye(4, 15)[:, None]
+    apart = head_entropies(one_each)
+    torch.testing.assert_close((apart.of_mean_map, apart.mean_of_heads), (torch.tensor([2.0]), torch.tensor([0.0])))
+    rows = small_attention().rows("scale1.encoder.0.self", [3, 4])
+    both = head_entropies(rows)
+    assert torch.equal(both.of_mean_map, entropy_bits(choose_head(rows, "mean")))
+    torch.testing.assert_close(both.mean_of_heads, map_numbers(rows, GRID, [3, 4]).entropy.mean(0))
+    assert (both.mean_of_heads <= both.of_mean_map).all()
 
 
 @given(st.data())
@@ -161,11 +173,13 @@ def test_links_are_the_largest_entries_of_each_scales_mean():
         assert GRID.token_at(*here[0].pixel) == here[0].token
 
 
-def _dense_rollout(attention: Attention, discard: float) -> torch.Tensor:
+def _dense_rollout(attention: Attention, discard: float, fusion: str = "mean") -> torch.Tensor:
     """The definition with whole matrices in double: "query scale token", for every query."""
 
     def dense(name: str) -> torch.Tensor:
-        a = attention.rows(name, range(15)).double().mean(0)
+        heads = attention.rows(name, range(15)).double()
+        a = {"mean": heads.mean(0), "max": heads.amax(0), "min": heads.amin(0)}[fusion]
+        a = a / a.sum(-1, keepdim=True)
         if dropped := int(discard * 15):
             smallest = a.argsort(dim=-1)[:, :dropped]
             a = a.scatter(-1, smallest, 0.0)
@@ -199,12 +213,15 @@ def _dense_rollout(attention: Attention, discard: float) -> torch.Tensor:
     return torch.stack(streams).mean(0)
 
 
-@pytest.mark.parametrize(("preset", "discard"), [("tiny", 0.0), ("tiny", 0.5), ("etnet-half", 0.2)])
-def test_rollout_equals_the_dense_product(preset: str, discard: float):
+@pytest.mark.parametrize(
+    ("preset", "discard", "fusion"),
+    [("tiny", 0.0, "mean"), ("tiny", 0.5, "max"), ("tiny", 0.0, "min"), ("etnet-half", 0.2, "mean")],
+)
+def test_rollout_equals_the_dense_product(preset: str, discard: float, fusion: Literal["mean", "max", "min"]):
     attention = small_attention(preset)
-    dense = _dense_rollout(attention, discard)
+    dense = _dense_rollout(attention, discard, fusion)
     for token in (0, 7, 14):
-        rolled = rollout(attention, token, discard, tile=4)
+        rolled = rollout(attention, token, discard, tile=4, fusion=fusion)
         torch.testing.assert_close(rolled.weights.double(), dense[token], atol=1e-5, rtol=0)
         assert float(rolled.weights.sum()) == pytest.approx(1, abs=1e-5)
         torch.testing.assert_close(rolled.by_scale.sum(), rolled.total.sum())

@@ -107,6 +107,20 @@ def test_a_track_is_what_single_frames_give():
     torch.testing.assert_close(whole.mass[0, 0], 1 - mass_on(rows, padding_shares(grid)))
 
 
+def test_a_chosen_head_has_its_own_track_and_a_path_moves_the_query():
+    playback, site = small_playback(), frozenset({"scale1.encoder.0.self"})
+    path = {2: (20, 9), 3: (30, 9), 4: (5, 2)}
+    every = Track.of(attention_through_time(playback, path, range(2, 5), site))
+    third = Track.of(attention_through_time(playback, path, range(2, 5), site, head=3))
+    mean = Track.of(attention_through_time(playback, path, range(2, 5), site, head="mean"))
+    assert every.pixels.tolist() == [list(path[i]) for i in range(2, 5)]
+    torch.testing.assert_close(third.entropy, every.entropy[:, :, 3:])
+    torch.testing.assert_close(third.along_row, every.along_row[:, :, 3:])
+    torch.testing.assert_close(mean.mass[:, :, 0], every.mass.mean(2))
+    torch.testing.assert_close(mean.along_column[:, :, 0], every.along_column.mean(2))
+    assert (mean.entropy[:, :, 0] >= every.entropy.mean(2)).all()
+
+
 def test_a_track_nobody_wants_is_given_up():
     playback, asked = small_playback(), []
     track = attention_through_time(playback, (3, 3), range(8), cancelled=lambda: len(asked) > 0)

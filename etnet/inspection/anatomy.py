@@ -1,0 +1,91 @@
+"""What a network has to look into, and one sentence for each inspector that it has nothing to show in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from etnet.errors import ModelError
+from etnet.nets.adapter import Adapter
+from etnet.nets.base import Reconstructor
+from etnet.nets.blocks import ConvGRU, RecurrentLevel
+from etnet.nets.etnet import ETNet
+
+Inspector = Literal[
+    "attention", "atlas", "rollout", "tokens", "hidden", "cell", "gates", "ablation", "intervention", "gradient"
+]
+"""What can be asked of a network. "attention" covers rows, columns, values, links, and maps through time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anatomy:
+    """The parts of one network. An empty field is a part that it does not have."""
+
+    name: str
+    sites: tuple[str, ...] = ()
+    """Attention sites, in the order in which the network passes them."""
+    num_heads: int = 0
+    """Heads of each site."""
+    scales: tuple[int, ...] = ()
+    """Scales that are aggregated, from the coarsest."""
+    has_decoders: bool = False
+    skips: tuple[int, ...] = ()
+    """Skip connections, from the coarsest; 0 is the head's."""
+    levels: tuple[int, ...] = ()
+    """Recurrent levels, from the finest."""
+    memory: Literal["ConvLSTM", "ConvGRU", "unknown"] = "unknown"
+    is_split: bool = True
+    """Whether `decode` is apart from the recurrent part, so that a kept state gives its frame with no replay."""
+    can_intervene: bool = True
+    """Whether parts of it can be switched off or changed."""
+    gradients: Literal["yes", "unknown"] = "yes"
+    """Whether a gradient comes back from the frame; of somebody's own function only the attempt tells."""
+
+
+def anatomy_of(model: Reconstructor) -> Anatomy:
+    """The parts of `model`; of a network of another make only what can be seen from outside."""
+    whole: Any = model
+    name = str(model.name)
+    if isinstance(model, Adapter):
+        return Anatomy(name, is_split=False, can_intervene=False, gradients="unknown")
+    lstm = [block for block in getattr(whole, "backbone", ()) if isinstance(block, RecurrentLevel)]
+    gru = [block for block in getattr(whole, "memories", ()) if isinstance(block, ConvGRU)]
+    levels = tuple(range(1, len(lstm or gru) + 1))
+    memory = "ConvLSTM" if lstm else "ConvGRU" if gru else "unknown"
+    skips = tuple(sorted(getattr(getattr(whole, "config", None), "skip_levels", ()), reverse=True))
+    if not isinstance(model, ETNet):
+        return Anatomy(name, skips=skips, levels=levels, memory=memory)
+    config = model.config
+    encoders = [f"encoder.{layer}.self" for layer in range(config.encoder_depth)]
+    decoders = [f"decoder.{layer}.{kind}" for layer in range(config.decoder_depth) for kind in ("self", "cross")]
+    # All encoders are passed before the first decoder.
+    sites = [f"scale{scale}.{place}" for places in (encoders, decoders) for scale in config.scale_indices
+             for place in places]  # fmt: skip
+    return Anatomy(
+        name, tuple(sites), config.heads, config.scale_indices, config.decoder_depth > 0, skips, levels, memory
+    )
+
+
+def cannot_show(model: Reconstructor, inspector: Inspector) -> str | None:
+    """Why an inspector has nothing to show of this network, in one sentence; `None` where it has."""
+    parts = anatomy_of(model)
+    match inspector:
+        case "attention" | "atlas" | "rollout" | "tokens" if not parts.sites:
+            return f"{parts.name} has no attention, so there are no maps, heads or tokens to show"
+        case "hidden" if not parts.levels:
+            return f"{parts.name} does not say which of its state is a hidden map, so none can be shown"
+        case "gates" | "cell" if parts.memory != "ConvLSTM":
+            return f"{parts.name} has no ConvLSTM levels, so there are no cells or gates to show"
+        case "ablation" if not (parts.scales or parts.skips):
+            return f"{parts.name} has neither scales nor skips, so there is no part to ablate"
+        case "intervention" if not parts.can_intervene:
+            return f"{parts.name} gives whole steps alone, so nothing inside it can be changed"
+    return None
+
+
+def require(model: Reconstructor, inspector: Inspector) -> Anatomy:
+    """The parts of `model`; raises `ModelError` with the sentence of `cannot_show`."""
+    reason = cannot_show(model, inspector)
+    if reason is not None:
+        raise ModelError(reason)
+    return anatomy_of(model)
