@@ -1,6 +1,5 @@
 """The atlas of heads: each effect is one decode under that mask, and the work can be left and taken up again."""
 
-
 import pytest
 import torch
 
