@@ -30,7 +30,19 @@ def changed(
     branch = playback.branch(at, intervention, edit)
     if not once or at + 1 >= len(playback):
         return branch
-    return branch.branch(at + 1, playback.intervention_at(at + 1), playback.edit_at(at + 1))
+    for start in (at + 1, *(start for start in branch_starts(playback) if start > at + 1)):
+        branch = branch.branch(start, playback.intervention_at(start), playback.edit_at(start))
+    return branch
+
+
+def branch_starts(playback: Playback) -> tuple[int, ...]:
+    """The windows at which the changes of a playback begin, ascending; none for the original."""
+    starts = set()
+    owner: Playback | None = playback
+    while owner is not None and owner.parent is not None:
+        starts.add(owner.branch_at)
+        owner = owner.parent
+    return tuple(sorted(starts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

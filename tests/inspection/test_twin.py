@@ -1,5 +1,7 @@
 """A change from here on: the twin is two sequential runs; the search for a cause ends where a full scan would."""
 
+from itertools import pairwise
+
 import pytest
 import torch
 
@@ -65,6 +67,15 @@ def test_the_curve_is_made_of_the_differences_and_shows_the_recovery():
     assert EffectCurve.of(moments).at_pixel is None
 
 
+def test_a_single_change_before_a_branch_leaves_the_branchs_own_change():
+    playback = small_playback()
+    branch = playback.branch(5, NO_SKIP)
+    once = changed(branch, 2, ZERO, once=True)
+    assert [once.intervention_at(index) for index in range(1, 7)] == [
+        ORIGINAL, ZERO, ORIGINAL, ORIGINAL, NO_SKIP, NO_SKIP,
+    ]  # fmt: skip
+
+
 def test_a_twin_at_the_last_window_and_one_nobody_wants():
     playback = small_playback()
     last = changed(playback, NUM_WINDOWS - 1, ZERO, once=True)
@@ -87,7 +98,7 @@ def test_the_search_ends_where_a_full_scan_finds_the_first_change(levels: frozen
     playback, index = small_playback(), 7
     scan = _scan(playback, index, levels)
     assert scan[0] == 0
-    for tolerance in sorted({(a + b) / 2 for a, b in zip(scan, scan[1:], strict=False) if a + b > 1e-6}):
+    for tolerance in sorted({(a + b) / 2 for a, b in pairwise(scan) if a + b > 1e-6}):
         *_, found = search_cause(playback, index, PIXEL, levels, tolerance)
         assert found.is_done
         if found.changes_at is None:
@@ -96,7 +107,7 @@ def test_the_search_ends_where_a_full_scan_finds_the_first_change(levels: frozen
         assert scan[found.changes_at] >= tolerance
         assert scan[found.changes_at - 1] < tolerance
         assert found.entered_at == found.changes_at - 1 == found.leaves_at
-        if all(a <= b for a, b in zip(scan, scan[1:], strict=False)):
+        if all(a <= b for a, b in pairwise(scan)):
             assert found.changes_at == next(at for at, effect in enumerate(scan) if effect >= tolerance)
         assert len(found.trials) <= 2 + 3
         events = events_of(playback, found)
