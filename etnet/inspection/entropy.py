@@ -58,8 +58,9 @@ class HeadEntropies:
 
 def head_entropies(rows: Float[Tensor, "heads queries keys"]) -> HeadEntropies:
     """Both entropies of each query."""
-    share = rows / rows.sum(-1, keepdim=True)
-    return HeadEntropies(entropy_bits(share.mean(0)), entropy_bits(share).mean(0))
+    together = choose_head(rows, "mean")
+    share, share_together = (maps / maps.sum(-1, keepdim=True) for maps in (rows, together))
+    return HeadEntropies(entropy_bits(share_together), entropy_bits(share).mean(0))
 
 
 def entropy_bits(share: Float[Tensor, "*axes keys"]) -> Float[Tensor, "*axes"]:

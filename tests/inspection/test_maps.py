@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from etnet.errors import Cancelled, ModelError
-from etnet.inspection.entropy import choose_head, entropy_bits, head_entropies, map_numbers, token_middles
+from etnet.inspection.entropy import choose_head, head_entropies, map_numbers, token_middles
 from etnet.inspection.links import mean_row, strongest_links
 from etnet.inspection.mass import (
     Region,
@@ -77,7 +77,7 @@ def test_the_entropy_of_the_mean_map_is_not_the_mean_of_the_heads_entropies():
     torch.testing.assert_close((apart.of_mean_map, apart.mean_of_heads), (torch.tensor([2.0]), torch.tensor([0.0])))
     rows = small_attention().rows("scale1.encoder.0.self", [3, 4])
     both = head_entropies(rows)
-    assert torch.equal(both.of_mean_map, entropy_bits(choose_head(rows, "mean")))
+    assert torch.equal(both.of_mean_map, map_numbers(choose_head(rows, "mean")[None], GRID, [3, 4]).entropy[0])
     torch.testing.assert_close(both.mean_of_heads, map_numbers(rows, GRID, [3, 4]).entropy.mean(0))
     assert (both.mean_of_heads <= both.of_mean_map).all()
 

@@ -1,0 +1,155 @@
+"""The last lines of a snippet: one answer for each inspector, as calls of `etnet.inspection`."""
+
+from __future__ import annotations
+
+from etnet.inspection.asked import Asked
+from etnet.inspection.described import Described, change_call
+from etnet.inspection.literals import Verbatim, call, code
+
+_PLAYBACK, _ATTENTION = Verbatim("playback"), Verbatim("attention")
+
+
+def answer(asked: Asked, moment: Described, then: Described | None) -> tuple[str, ...]:
+    """Lines that go on from `playback` (and `other`, of `then`) and end with `array = …`."""
+    match asked.what:
+        case "map" | "numbers" | "value_weighted" | "received" | "rollout" | "links":
+            return _of_attention(asked, moment.index)
+        case "attribution" | "occlusion" | "gates" | "norms" | "memory_depth" | "path" | "track":
+            return _of_one_playback(asked, moment.index)
+        case "feature" | "colours" | "similarity":
+            return _of_features(asked, moment.index, then)
+        case "map_difference" | "curve":
+            return _of_two(asked, moment, then)
+        case _:
+            return _of_a_moment(asked, moment.index)
+
+
+def _of_a_moment(asked: Asked, index: int) -> tuple[str, ...]:
+    pixel = asked.pixel or (0, 0)
+    match asked.what:
+        case "voxel":
+            return (f"array = {call('input.network_input', _PLAYBACK, index)}.voxel",)
+        case "effect":
+            return (
+                f"array = next(e for e in {call('importance.effects', _PLAYBACK, index)} "
+                f"if e.ablation.name == {asked.part!r}).difference",
+            )
+        case "atlas":
+            field = "on_image" if asked.pixel is None else f"on_pixel{code(pixel)}"
+            return (f"*_, found = {call('atlas.head_atlas', _PLAYBACK, index)}", f"array = found.{field}")
+        case "cause":
+            given = asked.given("levels", "tolerance", "towards", "furthest")
+            return (
+                f"*_, found = {call('causal_search.search_cause', _PLAYBACK, index, pixel, **given)}",
+                "array = found.trials",
+            )
+        case "sources":
+            return (f"*_, found = {call('sources.pixel_sources', _PLAYBACK, index, pixel)}", "array = found.parts")
+        case "spread":
+            given = asked.given("drop", "num_seeds", "num_back")
+            found = call("uncertainty.dropout_spread", _PLAYBACK, index, **given)
+            return (f"*_, found = {found}", "array = found.deviation")
+        case "error":
+            frame = Verbatim(f"playback.at({index}).frame[0, 0]")
+            return (f"array = {call('uncertainty.camera_error', _PLAYBACK, index, frame)}",)
+        case _:
+            return (f"array = playback.at({index}).frame[0, 0]",)
+
+
+def _of_attention(asked: Asked, index: int) -> tuple[str, ...]:
+    token, site = asked.token or 0, asked.site
+    needs_all = asked.what in ("rollout", "links")
+    probe = "AttentionProbe()" if needs_all else f"AttentionProbe({code(frozenset({site}))})"
+    if asked.what == "value_weighted":
+        probe = f"AttentionProbe({code(frozenset({site}))}, values=True)"
+    first = f"attention = playback.at({index}, {probe}).attention"
+    rows = f"attention.rows({site!r}, [{token}])"
+    match asked.what:
+        case "map":
+            chosen = f"{rows}[:, 0]"
+            if asked.direction == "attended by":
+                chosen = f"attention.columns({site!r}, [{token}])[..., 0]"
+            if asked.head is not None:
+                chosen = call("entropy.choose_head", Verbatim(chosen), asked.head)
+            last = chosen
+        case "numbers":
+            if asked.head is not None:  # of the one map that the heads make together, not the mean of their numbers
+                rows = f"{call('entropy.choose_head', Verbatim(rows), asked.head)}[None]"
+            last = call("entropy.map_numbers", Verbatim(rows), Verbatim("attention.grid"), Verbatim(f"[{token}]"))
+            last += f".{asked.quantity}"
+        case "value_weighted":
+            last = call("mass.value_weighted", _ATTENTION, site, Verbatim(f"[{token}]")) + ".by_head"
+        case "received":
+            last = call("mass.received", _ATTENTION, site) + ".times_uniform"
+        case "rollout":
+            fusion = {} if asked.head is None else {"fusion": asked.head}
+            last = call("rollout.rollout", _ATTENTION, token, **asked.given("discard"), **fusion) + ".weights"
+        case _:
+            last = call("links.strongest_links", _ATTENTION, token, asked.count)
+    return (first, f"array = {last}")
+
+
+def _of_features(asked: Asked, index: int, then: Described | None) -> tuple[str, ...]:
+    found = call("features.feature_map", _PLAYBACK, index, asked.feature)
+    if asked.what == "feature":
+        return (f"array = {found}.values",)
+    if asked.what == "colours":
+        fitted = call("basis.fit_basis_to_recording", _PLAYBACK, asked.feature, **asked.given("centre"))
+        return (f"found = {fitted}", f"array = found.colours({found})")
+    pixel = ", ".join(map(str, asked.pixel or ()))
+    if then is None:
+        return (f"found = {found}", f"array = similarity.cosine_similarity(found, found.at({pixel}))")
+    there = call("features.feature_map", Verbatim("other"), then.index, asked.feature)
+    return (f"found = {found}", f"array = similarity.cosine_similarity(found, {there}.at({pixel}))")
+
+
+def _of_two(asked: Asked, moment: Described, then: Described | None) -> tuple[str, ...]:
+    if asked.what == "curve":
+        first, last = asked.windows or (0, 0)
+        both = f"twin.twin(playback, {change_call(moment, 'playback')}, range({first}, {last + 1}))"
+        of_pixel = asked.given("pixel")
+        field = "at_pixel" if of_pixel else "mean_absolute"
+        return (f"array = {call('twin.EffectCurve.of', Verbatim(both), **of_pixel)}.{field}",)
+    assert then is not None
+    given = asked.given("head", "direction")
+    pinned = (call("pins.pin", Verbatim(name), index, asked.pixel, asked.site, **given)
+              for name, index in (("playback", moment.index), ("other", then.index)))  # fmt: skip
+    return (f"array = {call('pins.difference', *map(Verbatim, pinned), **asked.given('floor'))}.log_ratio",)
+
+
+def _of_one_playback(asked: Asked, index: int) -> tuple[str, ...]:
+    first, last = asked.windows or (0, 0)
+    pixel, span = asked.pixel, Verbatim(f"range({first}, {last + 1})")
+    match asked.what:
+        case "attribution":
+            found = call("attribution.attribute", _PLAYBACK, index, pixel, **asked.given("num_back"))
+            return (f"array = {found}.windows[-1].weights",)
+        case "occlusion":
+            given = asked.given("num_back", "patch")
+            return (f"array = {call('attribution.occlude', _PLAYBACK, index, pixel, **given)}.change",)
+        case "gates":
+            return (f"array = {call('gates.gates_at', _PLAYBACK, index, asked.level)}.{asked.quantity}",)
+        case "norms":
+            found = call("through_time.norms_through_time", _PLAYBACK, span)
+            return (f"array = torch.stack([norms.hidden for _, norms in {found}])",)
+        case "memory_depth":
+            depths = tuple(asked.depths or ())
+            return (f"array = {call('gates.memory_depth', _PLAYBACK, index, depths)}.differences",)
+        case "path":
+            recording, plan = Verbatim("playback.recording"), Verbatim("playback.windows")
+            path = call("follow.follow", recording, plan, index, pixel, asked.until)
+            return (f"array = list({path})",)
+        case _:
+            sites = frozenset({asked.site})
+            query: object = pixel
+            lines: tuple[str, ...] = ()
+            if asked.until is not None:  # the query goes along a followed path
+                path = call(
+                    "follow.follow", Verbatim("playback.recording"), Verbatim("playback.windows"), index, pixel,
+                    asked.until,
+                )  # fmt: skip
+                lines, query = (f"path = follow.pixels_of({path})",), Verbatim("path")
+                span = Verbatim("sorted(path)")
+            given = asked.given("region", "head")
+            found = call("through_time.attention_through_time", _PLAYBACK, query, span, sites, **given)
+            return (*lines, f"array = through_time.Track.of({found}).{asked.quantity}")
