@@ -32,7 +32,7 @@ def _of_a_moment(asked: Asked, index: int) -> tuple[str, ...]:
         case "effect":
             return (
                 f"array = next(e for e in {call('importance.effects', _PLAYBACK, index)} "
-                f"if e.ablation.name == {asked.part!r}).difference",
+                f"if e.ablation.name == {code(asked.part)}).difference",
             )
         case "atlas":
             field = "on_image" if asked.pixel is None else f"on_pixel{code(pixel)}"
@@ -63,12 +63,12 @@ def _of_attention(asked: Asked, index: int) -> tuple[str, ...]:
     if asked.what == "value_weighted":
         probe = f"AttentionProbe({code(frozenset({site}))}, values=True)"
     first = f"attention = playback.at({index}, {probe}).attention"
-    rows = f"attention.rows({site!r}, [{token}])"
+    rows = f"attention.rows({code(site)}, [{token}])"
     match asked.what:
         case "map":
             chosen = f"{rows}[:, 0]"
             if asked.direction == "attended by":
-                chosen = f"attention.columns({site!r}, [{token}])[..., 0]"
+                chosen = f"attention.columns({code(site)}, [{token}])[..., 0]"
             if asked.head is not None:
                 chosen = call("entropy.choose_head", Verbatim(chosen), asked.head)
             last = chosen

@@ -21,24 +21,26 @@ def as_python(moment: Described, asked: Asked, then: Described | None = None) ->
     """
     if (then is None) and asked.what == "map_difference":
         raise ModelError("a map difference has two moments; give `then`")
-    lines = _playback(moment, "playback", is_original=asked.what == "curve")
+    roomy, tight = (_snippet(moment, asked, then, is_roomy) for is_roomy in (True, False))
+    return "\n".join(roomy if len(roomy) <= LINES else tight) + "\n"
+
+
+def _snippet(moment: Described, asked: Asked, then: Described | None, is_roomy: bool) -> tuple[str, ...]:
+    lines = _playback(moment, "playback", is_roomy, is_original=asked.what == "curve")
     if then is not None:
-        lines += _playback(then, "other", shares=moment)
+        lines += _playback(then, "other", is_roomy, shares=moment)
     lines += answer(asked, moment, then)
-    threads = [f"torch.set_num_threads({moment.threads})"] if moment.threads is not None else []
-    return "\n".join((*_imports("\n".join((*threads, *lines))), *threads, *lines)) + "\n"
+    threads = (f"torch.set_num_threads({moment.threads})",) if moment.threads is not None else ()
+    return (*_imports("\n".join((*threads, *lines))), *threads, *lines)
 
 
 def _playback(
-    moment: Described, name: str, is_original: bool = False, shares: Described | None = None
+    moment: Described, name: str, is_roomy: bool, is_original: bool = False, shares: Described | None = None
 ) -> tuple[str, ...]:
-    recording = "recording" if name == "playback" else "other_recording"
-    lines = []
-    if shares is not None and (shares.recording, shares.opened, shares.cleaning) == (
-        moment.recording, moment.opened, moment.cleaning,
-    ):  # fmt: skip
-        recording = "recording"
-    else:
+    """The lines that make the playback `name`; roomy: a line for each thing. A recording is shared with `shares`."""
+    lines: list[str] = []
+    recording = "recording" if shares is None or _events_of(shares) == _events_of(moment) else "other_recording"
+    if shares is None or recording != "recording":
         opened = call("open_recording", moment.recording, **_stated(moment.opened))
         if not moment.cleaning.changes_nothing:
             opened = f"denoise.cleaned({opened}, {code(moment.cleaning)})"
@@ -46,17 +48,25 @@ def _playback(
     plan = f"plan_windows({recording}, {code(moment.policy)})"
     if moment.cold_at:
         plan = f"windows.from_window({plan}, {moment.cold_at})"
-    playback = f"Playback({_network(moment)}, {recording}, {plan})"
+    network = _network(moment)
+    if is_roomy:
+        lines.append(f"{name}_model = {network}" if shares is not None else f"model = {network}")
+        network = lines[-1].split(" = ")[0]
+    playback = f"Playback({network}, {recording}, {plan})"
     if not moment.is_changed or is_original:
         return (*lines, f"{name} = {playback}")
-    if moment.once:
+    if is_roomy or moment.once:
         return (*lines, f"{name} = {playback}", f"{name} = {change_call(moment, name)}")
     return (*lines, f"{name} = {change_call(moment, playback)}")
 
 
+def _events_of(moment: Described) -> tuple[object, ...]:
+    return moment.recording, moment.opened, moment.cleaning
+
+
 def _network(moment: Described) -> str:
     if moment.model.endswith(".py"):
-        return f"own.load_own(Path({moment.model!r}))"
+        return f"own.load_own(Path({code(moment.model)}))"
     given: dict[str, object] = {} if moment.device == "cpu" else {"device": moment.device}
     if moment.precision != "fp32":
         given["precision"] = moment.precision

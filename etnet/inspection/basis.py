@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -74,26 +74,33 @@ def fit_basis_to_recording(
     warm_up: int = 8,
     centre: Centre = "all",
     cancelled: Callable[[], bool] | None = None,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Basis:
-    """Fit to `num_windows` windows spread evenly over the plan, each after a cold start `warm_up` windows earlier.
+    """Fit to the `sampled_maps` of a recording, all at once."""
+    return fit_basis(sampled_maps(playback, feature, num_windows, warm_up, cancelled), centre)
 
-    It depends on recording, plan, network and `feature` alone, not on what was looked at before, and costs at most
-    `num_windows` · (`warm_up` + 1) encodes and as many passes of TPA as windows. `progress` is told (windows done, in
-    all).
+
+def sampled_maps(
+    playback: Playback,
+    feature: Feature,
+    num_windows: int = 8,
+    warm_up: int = 8,
+    cancelled: Callable[[], bool] | None = None,
+) -> Iterator[FeatureMap]:
+    """What a basis is fitted to: `num_windows` windows spread evenly over the plan, one after the other, each after a
+    cold start `warm_up` windows earlier.
+
+    They depend on recording, plan, network and `feature` alone, not on what was looked at before; of a branch they are
+    the original's, so that a change shows in the colours and not in their meaning. Each costs `warm_up` + 1 encodes
+    and a pass of TPA.
     """
     require_feature(playback.model, feature)
-    indices = fitted_windows(len(playback), num_windows)
-    maps = []
-    for done, index in enumerate(indices, start=1):
-        held = _cold(playback, index, warm_up, cancelled)
-        maps.append(feature_of(held, feature, playback.intervention_at(index)))
-        if progress is not None:
-            progress(done, len(indices))
-    return fit_basis(maps, centre)
+    while playback.parent is not None:
+        playback = playback.parent
+    for index in sampled_windows(len(playback), num_windows):
+        yield feature_of(_cold(playback, index, warm_up, cancelled), feature, playback.intervention_at(index))
 
 
-def fitted_windows(num_windows: int, wanted: int) -> tuple[int, ...]:
+def sampled_windows(num_windows: int, wanted: int) -> tuple[int, ...]:
     """The windows that a basis is fitted to: the middles of `wanted` equal parts of the plan, each once."""
     if num_windows < 1 or wanted < 1:
         raise ValueError(f"a basis is fitted to at least 1 window; got {wanted} of a plan of {num_windows}")
