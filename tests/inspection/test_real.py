@@ -5,11 +5,14 @@ import pytest
 import torch
 
 from etnet.events.open import open_recording
+from etnet.inspection.atlas import head_atlas
 from etnet.inspection.attribution import attribute
+from etnet.inspection.follow import follow
 from etnet.inspection.gates import gates_at
 from etnet.inspection.mass import mass_on, padding_shares
 from etnet.inspection.rollout import rollout
 from etnet.nets.attention import AttentionProbe
+from etnet.nets.intervention import Intervention
 from etnet.nets.weights import load_model
 from etnet.playback.playback import Playback
 from etnet.voxel import voxel_grid
@@ -56,3 +59,23 @@ def test_rollout_of_a_real_frame_is_a_distribution_and_its_rows_are_too(playback
     assert float(rolled.weights.min()) >= 0
     padding = mass_on(attention.rows("scale1.encoder.2.self", [token]), padding_shares(attention.grid))
     assert ((padding >= 0) & (padding <= 1)).all()
+
+
+@pytest.mark.real
+def test_the_atlas_of_a_real_frame_is_the_decode_under_each_mask(playback: Playback):
+    atlases = head_atlas(playback, INDEX)
+    atlas = [next(atlases) for _ in range(3)][-1]
+    assert atlas.progress == (2, 84)
+    original = playback.at(INDEX).frame[0, 0]
+    for (site, head), difference in zip(atlas.heads, atlas.differences, strict=False):
+        masked = playback.at(INDEX, intervention=Intervention(masked_heads=frozenset({(site, head)}))).frame[0, 0]
+        assert torch.equal(difference, masked - original)
+    assert float(atlas.uniform.abs().mean()) > float(atlas.on_image.nan_to_num().max())
+
+
+@pytest.mark.real
+def test_a_real_patch_goes_where_the_camera_sees_it_go(playback: Playback):
+    """The slider moves to the right: at (120, 90) the scene goes 32 pixels to the left in 8 windows."""
+    *_, there = follow(playback.recording, playback.windows, INDEX, PIXEL, INDEX + 8)
+    assert there.x - PIXEL[0] == pytest.approx(-32, abs=8)
+    assert abs(there.y - PIXEL[1]) < 6
