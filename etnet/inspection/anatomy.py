@@ -36,10 +36,13 @@ class Anatomy:
     memory: Literal["ConvLSTM", "ConvGRU", "unknown"] = "unknown"
     is_split: bool = True
     """Whether `decode` is apart from the recurrent part, so that a kept state gives its frame with no replay."""
-    can_intervene: bool = True
-    """Whether parts of it can be switched off or changed."""
     gradients: Literal["yes", "unknown"] = "yes"
     """Whether a gradient comes back from the frame; of somebody's own function only the attempt tells."""
+
+    @property
+    def can_intervene(self) -> bool:
+        """Whether parts of it can be switched off or changed."""
+        return bool(self.sites or self.scales or self.skips or self.levels)
 
 
 def anatomy_of(model: Reconstructor) -> Anatomy:
@@ -47,10 +50,12 @@ def anatomy_of(model: Reconstructor) -> Anatomy:
     whole: Any = model
     name = str(model.name)
     if isinstance(model, Adapter):
-        return Anatomy(name, is_split=False, can_intervene=False, gradients="unknown")
+        return Anatomy(name, is_split=False, gradients="unknown")
     lstm = [block for block in getattr(whole, "backbone", ()) if isinstance(block, RecurrentLevel)]
     gru = [block for block in getattr(whole, "memories", ()) if isinstance(block, ConvGRU)]
-    levels = tuple(range(1, len(lstm or gru) + 1))
+    # A network of another make may declare levels whose state an intervention reaches, but not how they are laid out.
+    declared = getattr(getattr(whole, "abilities", None), "levels", 0)
+    levels = tuple(range(1, (len(lstm or gru) or declared) + 1))
     memory = "ConvLSTM" if lstm else "ConvGRU" if gru else "unknown"
     skips = tuple(sorted(getattr(getattr(whole, "config", None), "skip_levels", ()), reverse=True))
     if not isinstance(model, ETNet):
@@ -72,14 +77,14 @@ def cannot_show(model: Reconstructor, inspector: Inspector) -> str | None:
     match inspector:
         case "attention" | "atlas" | "rollout" | "tokens" if not parts.sites:
             return f"{parts.name} has no attention, so there are no maps, heads or tokens to show"
-        case "hidden" if not parts.levels:
+        case "hidden" if parts.memory == "unknown":
             return f"{parts.name} does not say which of its state is a hidden map, so none can be shown"
         case "gates" | "cell" if parts.memory != "ConvLSTM":
             return f"{parts.name} has no ConvLSTM levels, so there are no cells or gates to show"
         case "ablation" if not (parts.scales or parts.skips):
             return f"{parts.name} has neither scales nor skips, so there is no part to ablate"
         case "intervention" if not parts.can_intervene:
-            return f"{parts.name} gives whole steps alone, so nothing inside it can be changed"
+            return f"{parts.name} names no part of itself, so nothing inside it can be switched off or changed"
     return None
 
 

@@ -1,5 +1,7 @@
 """A network says what it can show; somebody's own network is inspected as far as it goes."""
 
+from types import SimpleNamespace
+
 import pytest
 import torch
 
@@ -10,6 +12,7 @@ from etnet.inspection.sites import Site
 from etnet.inspection.through_time import attention_through_time, norms_through_time
 from etnet.nets.adapter import Adapter
 from etnet.nets.base import Reconstructor
+from etnet.nets.integrator import IntegratorConfig
 from etnet.nets.presets import build_model
 from etnet.playback.playback import Playback
 from tests.inspection.small import small_attention, small_playback
@@ -47,10 +50,15 @@ def test_what_a_network_cannot_show_is_one_sentence():
         (firenet, "ablation", "firenet has neither scales nor skips"),
         (own, "rollout", "mine has no attention"),
         (own, "hidden", "mine does not say which"),
-        (own, "intervention", "mine gives whole steps alone"),
+        (own, "intervention", "mine names no part"),
     ):
         assert str(cannot_show(model, inspector)).startswith(reason)
     assert cannot_show(firenet, "hidden") is None
+    foreign = build_model(IntegratorConfig())
+    assert anatomy_of(foreign).levels == ()
+    foreign.abilities = SimpleNamespace(levels=2)  # pyright: ignore[reportAttributeAccessIssue]
+    assert anatomy_of(foreign).levels == (1, 2)
+    assert "hidden" in str(cannot_show(foreign, "hidden"))
     assert cannot_show(own, "gradient") is None
     for model in (firenet, own):
         with pytest.raises(ModelError, match="has no attention"):
