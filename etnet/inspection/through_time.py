@@ -80,9 +80,9 @@ def attention_through_time(
     """The query pixel (x, y) in each of the windows `indices`, one decode each; ascending indices replay least.
 
     `query` is one pixel or, of a patch that is followed, a pixel for each index (`follow.pixels_of`). `sites` are all
-    by default, `region` is the whole sensor (so that `mass` is what does not lie on padding). `head` chooses one map
-    of the heads, taken as a distribution; without it every head is kept apart. `cancelled` is asked before every
-    window and between replayed steps, and ends the work with `Cancelled`.
+    by default. `region` is the whole sensor by default, so that `mass` is what does not lie on padding; it moves with
+    no path. `head` chooses one map of the heads, taken as a distribution; without it every head is kept apart.
+    `cancelled` is asked before every window and between replayed steps, and ends the work with `Cancelled`.
     """
     require(playback.model, "attention")
     for index in indices:
