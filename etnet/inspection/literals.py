@@ -28,7 +28,7 @@ def code(value: object) -> str:
         return f"frozenset({{{', '.join(code(item) for item in sorted(value))}}})" if value else "frozenset()"
     if isinstance(value, tuple):
         return f"({', '.join(code(item) for item in value)}{',' if len(value) == 1 else ''})"
-    if type(value) is str:
+    if isinstance(value, str) and not isinstance(value, Verbatim):
         plain = repr(value)[1:-1]
         return f'"{plain}"' if plain == value and '"' not in value else repr(value)
     return repr(value)
