@@ -17,7 +17,8 @@ import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
-from etnet.live.source import PULSE, RISING, CameraFrame, Edges
+from etnet.events.triggers import Triggers
+from etnet.live.source import CameraFrame
 
 PACKET = 65_536
 """Events in a packet at most."""
@@ -59,7 +60,7 @@ class Aedat4Writer:
         """One picture."""
         self._packet(1, _frame(frame))
 
-    def add_triggers(self, triggers: Edges) -> None:
+    def add_triggers(self, triggers: Triggers) -> None:
         """More triggers, in order. The format knows edges and no channels."""
         if len(triggers):
             self._packet(2, _trigger_packet(triggers))
@@ -110,7 +111,7 @@ def _vector_of(kind: bytes, length: int, elements: bytes) -> bytes:
     return struct.pack("<I", len(head) + len(elements)) + head + elements
 
 
-def _trigger_packet(triggers: Edges) -> bytes:
+def _trigger_packet(triggers: Triggers) -> bytes:
     """A vector of tables, each with the stamp and the kind of edge; all share one description of their fields."""
     num = len(triggers)
     fields_at = 32 + 4 * num
@@ -120,7 +121,7 @@ def _trigger_packet(triggers: Edges) -> bytes:
     places = first_at + _TRIGGER.itemsize * np.arange(num)
     tables["to_fields"] = places - fields_at
     tables["t"] = triggers.stamps
-    tables["type"] = np.where(triggers.edges == RISING, _RISING, np.where(triggers.edges == PULSE, _PULSE, _FALLING))
+    tables["type"] = np.choose(triggers.edges + 1, (_FALLING, _PULSE, _RISING))
     offsets = (places - (32 + 4 * np.arange(num))).astype("<u4").tobytes()
     fields = struct.pack("<HHHH", 8, 13, 4, 12)
     return _vector_of(b"TRIG", num, (offsets + fields).ljust(first_at - 32, b"\0") + tables.tobytes())

@@ -17,7 +17,8 @@ from jaxtyping import Float32, Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth
-from etnet.live.source import CameraFrame, Edges
+from etnet.events.triggers import Triggers
+from etnet.live.source import CameraFrame, no_triggers
 
 BLOCK = 65_536
 """Events that are held, and leave, together."""
@@ -103,10 +104,10 @@ class LiveBuffer:
         self._frames: deque[CameraFrame] = deque()
         self._num_frames, self._frame_bytes = 0, 0
         self._frame_stamps = np.empty(256, np.int64)
-        self._triggers: deque[Edges] = deque()
+        self._triggers: deque[Triggers] = deque()
         self._num_triggers = 0
 
-    def add(self, events: Events, until: int | None, frames: tuple[CameraFrame, ...], triggers: Edges) -> None:
+    def add(self, events: Events, until: int | None, frames: tuple[CameraFrame, ...], triggers: Triggers) -> None:
         """Take one packet in, and let go of what is too old or too much."""
         with self.changed:
             at = 0
@@ -178,10 +179,11 @@ class LiveBuffer:
     def truth(self) -> GroundTruth | None:
         """The camera's frames so far, by their number; `None` before the first."""
         with self.changed:
-            if self._num_frames == 0:
-                return None
             stamps: Int64[np.ndarray, " n"] = self._frame_stamps[: self._num_frames]
-        return GroundTruth(stamps, self._read_frame)
+            until = self._until
+        # A growing recording has all events before its last frame.
+        num_settled = 0 if until is None else int(np.searchsorted(stamps, until, "right"))
+        return GroundTruth(stamps[:num_settled], self._read_frame) if num_settled else None
 
     def frames_from(self, first: int) -> tuple[int, tuple[CameraFrame, ...]]:
         """The frames that are held from number `first` on, with the number of the first of them."""
@@ -189,18 +191,18 @@ class LiveBuffer:
             start = self._num_frames - len(self._frames)
             return max(first, start), tuple(self._frames)[max(first - start, 0) :]
 
-    def triggers_from(self, first: int) -> tuple[int, Edges]:
+    def triggers_from(self, first: int) -> tuple[int, Triggers]:
         """The triggers that are held from number `first` on, with the number of the first of them."""
         with self.changed:
             held, num = tuple(self._triggers), self._num_triggers
         if not held:
-            return num, Edges.none()
+            return num, no_triggers()
         stamps, channels, edges = (
             np.concatenate([getattr(part, name) for part in held]) for name in ("stamps", "channels", "edges")
         )
         start = num - len(stamps)
         skip = max(first - start, 0)
-        return start + skip, Edges(stamps[skip:], channels[skip:], edges[skip:])
+        return start + skip, Triggers(stamps[skip:], channels[skip:], edges[skip:])
 
     def _read_frame(self, index: int) -> Float32[np.ndarray, "h w"]:
         with self.changed:
@@ -214,7 +216,8 @@ class LiveBuffer:
             grown = np.empty(2 * self._num_frames, np.int64)
             grown[: self._num_frames] = self._frame_stamps
             self._frame_stamps = grown
-        self._frame_stamps[self._num_frames] = frame.stamp
+        before = self._frame_stamps[self._num_frames - 1] if self._num_frames else frame.stamp
+        self._frame_stamps[self._num_frames] = max(frame.stamp, int(before))
         self._num_frames += 1
         self._frames.append(frame)
         self._frame_bytes += frame.pixels.nbytes

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from etnet.events.events import Events
-from etnet.live.source import Edges, Packet
+from etnet.events.triggers import Triggers
+from etnet.live.source import Packet
 
 SMALL_STEP = 10_000
 """µs that stamps may run back before it counts as another clock: packets that overtake each other."""
@@ -63,7 +64,7 @@ class OneWayClock:
         self._last = int(t[-1])
         return (events if t is events.t else Events(events.x, events.y, t, events.p, events.sensor)), num_held_up
 
-    def _edges(self, packet: Packet) -> Edges:
+    def _edges(self, packet: Packet) -> Triggers:
         if self._shift == 0 or len(packet.triggers) == 0:
             return packet.triggers
         return replace(packet.triggers, stamps=packet.triggers.stamps + self._shift)

@@ -17,8 +17,9 @@ from jaxtyping import UInt8
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.events.triggers import Triggers
 from etnet.live.driver_faults import fault_of, sentence
-from etnet.live.source import CameraFrame, Edges, Packet, Setting
+from etnet.live.source import CameraFrame, Packet, Setting, no_triggers
 
 MODULE = "neuromorphic_drivers"
 TIMEOUT = 0.1
@@ -212,14 +213,15 @@ def _events(rows: np.ndarray | None, sensor: Sensor) -> Events:
     return Events(rows["x"].astype(np.uint16), rows["y"].astype(np.uint16), rows["t"].astype(np.int64), p, sensor)
 
 
-def _edges(rows: np.ndarray | None) -> Edges:
+def _edges(rows: np.ndarray | None) -> Triggers:
     """Fields t (u64, µs), id (the input), and the edge: 0 falling, 1 rising, 2 a pulse."""
     if rows is None or len(rows) == 0:
-        return Edges.none()
+        return no_triggers()
     names = rows.dtype.names or ()
     edge = next(name for name in ("polarity", "rising", "edge") if name in names)
-    channels = rows["id"].astype(np.uint16) if "id" in names else np.zeros(len(rows), np.uint16)
-    return Edges(rows["t"].astype(np.int64), channels, rows[edge].astype(np.int8))
+    channels = rows["id"].astype(np.int16) if "id" in names else np.zeros(len(rows), np.int16)
+    told = rows[edge].astype(np.int8)
+    return Triggers(rows["t"].astype(np.int64), channels, np.where(told == 2, 0, 2 * told - 1).astype(np.int8))
 
 
 def _num_overflows(packet: Any) -> int:

@@ -12,7 +12,8 @@ import numpy as np
 
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.hdf5.journal import CommittedFile
-from etnet.live.source import CameraFrame, Edges
+from etnet.events.triggers import Triggers
+from etnet.live.source import CameraFrame
 
 CHUNK = 32_768
 """Events stored together."""
@@ -30,7 +31,7 @@ class Hdf5Writer:
         options = {"maxshape": (None,), "chunks": (CHUNK,), "compression": "lzf", "shuffle": True}
         for name, kind in (("xs", "i2"), ("ys", "i2"), ("ts", "f8"), ("ps", "?")):
             self._file.create_dataset(f"events/{name}", (0,), kind, **options)
-        for name, kind in (("t", "i8"), ("channel", "u2"), ("edge", "i1")):
+        for name, kind in (("t", "i8"), ("channel", "i2"), ("edge", "i1")):
             self._file.create_dataset(f"triggers/{name}", (0,), kind, maxshape=(None,), chunks=(1024,))
         self._file.attrs["sensor_resolution"] = np.array([sensor.height, sensor.width])
         self._file.attrs["source"] = f"live from {source}"
@@ -51,7 +52,7 @@ class Hdf5Writer:
         image.attrs["event_idx"] = max(0, num_before - 1)
         self._num_frames += 1
 
-    def add_triggers(self, triggers: Edges) -> None:
+    def add_triggers(self, triggers: Triggers) -> None:
         """More triggers, in order."""
         for name, column in (("t", triggers.stamps), ("channel", triggers.channels), ("edge", triggers.edges)):
             self._append(f"triggers/{name}", column)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class WrongBytes(RecordingError):
     """What came cannot be events of this layout and sensor."""
 
 
+@runtime_checkable
 class Decoder(Protocol):
     """Bytes in, events out."""
 

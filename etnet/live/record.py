@@ -6,19 +6,21 @@ it is written is missing in the file, and counted.
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from threading import Event, Thread
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.events import Events
 from etnet.events.recording import Bracketing
+from etnet.events.triggers import Triggers
 from etnet.files import check_target
 from etnet.live.aedat4_writer import Aedat4Writer
 from etnet.live.hdf5_writer import Hdf5Writer
 from etnet.live.log import LogWriter, log_of
 from etnet.live.recording import LiveRecording, Loss
-from etnet.live.source import CameraFrame, Edges
+from etnet.live.source import CameraFrame
 from etnet.live.windows import KeptWindows
 
 FLUSH_SECONDS = 0.5
@@ -29,12 +31,13 @@ BATCH = 1 << 18
 _WRITERS = {".aedat4": Aedat4Writer, ".h5": Hdf5Writer, ".hdf5": Hdf5Writer}
 
 
+@runtime_checkable
 class _Writer(Protocol):
     num_events: int
 
     def add_events(self, events: Events) -> None: ...
     def add_frame(self, frame: CameraFrame, num_before: int) -> None: ...
-    def add_triggers(self, triggers: Edges) -> None: ...
+    def add_triggers(self, triggers: Triggers) -> None: ...
     def flush(self) -> None: ...
     def close(self) -> None: ...
 
@@ -111,6 +114,9 @@ class Recorder:
             reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
             self._trouble = RecordingError(f"{self.path.name}: recording ended, the disk failed ({reason})")
         if self._trouble is not None:
+            for file in (self._writer, self._log):
+                with contextlib.suppress(EtnetError, OSError, RuntimeError, ValueError):
+                    file.close()
             self.live.note(str(self._trouble))
 
     def _catch_up(self, is_last: bool) -> None:

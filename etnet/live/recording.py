@@ -153,10 +153,12 @@ class LiveRecording:
             )
             if held is None or not is_same:
                 first, last = extent.first_stamp or 0, extent.last_stamp or 0
+                _, triggers = self.buffer.triggers_from(0)
                 said = Remark("detected", f"live from {self.source.name}: events leave after {self.keep.seconds:g} s")
                 self._newest = held = Recording(
                     self.source.name, self.source.format, _Held(self.buffer, extent.num_events), self.sensor,
-                    Span(first, last), (said,), truth, latest=None if self._is_over else self.recording,
+                    Span(first, last), (said,), truth, triggers=triggers if len(triggers) else None,
+                    latest=None if self._is_over else self.recording,
                 )  # fmt: skip
             return held
 

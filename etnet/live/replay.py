@@ -11,7 +11,8 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import Recording
-from etnet.live.source import CameraFrame, Edges, Packet, WithoutSettings
+from etnet.events.triggers import Triggers
+from etnet.live.source import CameraFrame, Packet, WithoutSettings, no_triggers
 
 LOOP_GAP = 1_000
 """µs between the last event of one round and the first of the next."""
@@ -75,7 +76,7 @@ class Replay(WithoutSettings):
                         _shifted(self.recording.read(first, last), shift),
                         at + shift if is_whole else None,
                         self._frames(frames_before, at, shift) if is_whole else (),
-                        self._triggers(triggers_before, at, shift) if is_whole else Edges.none(),
+                        self._triggers(triggers_before, at, shift) if is_whole else no_triggers(),
                     )
                 start, frames_before, triggers_before = stop, at - 1, at - 1
             if not self.is_looped:
@@ -100,13 +101,13 @@ class Replay(WithoutSettings):
             for i in range(int(first), int(last))
         )
 
-    def _triggers(self, after: int, before: int, shift: int) -> Edges:
-        triggers = getattr(self.recording, "triggers", None)
-        if triggers is None or len(triggers.stamps) == 0:
-            return Edges.none()
+    def _triggers(self, after: int, before: int, shift: int) -> Triggers:
+        triggers = self.recording.triggers
+        if triggers is None or len(triggers) == 0:
+            return no_triggers()
         first, last = np.searchsorted(triggers.stamps, [after + 1, before])
         part = slice(int(first), int(last))
-        return Edges(triggers.stamps[part] + shift, triggers.channels[part], triggers.edges[part])
+        return Triggers(triggers.stamps[part] + shift, triggers.channels[part], triggers.edges[part])
 
 
 def _shifted(events: Events, shift: int) -> Events:

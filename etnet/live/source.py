@@ -7,31 +7,16 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Int8, Int64, UInt8, UInt16
+from jaxtyping import UInt8
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
-
-FALLING, RISING, PULSE = 0, 1, 2
-"""What a trigger's edge may be."""
+from etnet.events.triggers import Triggers
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Edges:
-    """External triggers: stamps (µs on the events' clock, ascending), input channels, and edges (0 falling, 1 rising,
-    2 a pulse)."""
-
-    stamps: Int64[np.ndarray, " n"]
-    channels: UInt16[np.ndarray, " n"]
-    edges: Int8[np.ndarray, " n"]
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-    @staticmethod
-    def none() -> Edges:
-        """No trigger at all."""
-        return Edges(np.empty(0, np.int64), np.empty(0, np.uint16), np.empty(0, np.int8))
+def no_triggers() -> Triggers:
+    """No trigger at all."""
+    return Triggers(np.empty(0, np.int64), np.empty(0, np.int16), np.empty(0, np.int8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +45,7 @@ class Packet:
     until: int | None = None
     """All events before this stamp (µs) are handed over; by default those before the last one's."""
     frames: tuple[CameraFrame, ...] = ()
-    triggers: Edges = field(default_factory=Edges.none)
+    triggers: Triggers = field(default_factory=no_triggers)
     num_lost: int = 0
     """Packets that were lost before this one or in it: dropped by the computer, late, or not understood."""
     changed: tuple[Setting, ...] = ()

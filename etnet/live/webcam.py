@@ -9,7 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -28,6 +28,7 @@ GAMMA = 2.2
 PATIENCE = 0.1
 
 
+@runtime_checkable
 class FrameSensor(Protocol):
     """What turns frames into events."""
 

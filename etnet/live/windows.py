@@ -17,7 +17,7 @@ from etnet.errors import WindowError
 from etnet.events.events import Sensor
 from etnet.live.buffer import Extent
 from etnet.live.recording import LiveRecording
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy, Window
+from etnet.windows import ByCount, ByDensity, ByDuration, Policy, Window
 
 
 class KeptWindows(Sequence[Window]):
@@ -62,8 +62,10 @@ class LiveWindows:
         """`sensor` is what the network sees, where the live one's pixels are binned: density counts its pixels."""
         if isinstance(policy, ByDuration) and policy.stride not in (None, policy.duration):
             raise WindowError(f"live windows do not overlap; got a stride of {policy.step} µs: leave it out")
-        if isinstance(policy, BetweenFrames):
-            raise WindowError("live windows go by duration or density; between-frames is for recordings")
+        if not isinstance(policy, ByCount | ByDensity | ByDuration):
+            raise WindowError(
+                f"live windows go by count, density or duration; {type(policy).__name__} is for recordings"
+            )
         self.live, self.policy = live, policy
         self._sensor = sensor or live.sensor
         self.kept = KeptWindows()
