@@ -22,7 +22,6 @@ from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, open_source, parsed_sensor
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
-from etnet.live.stream import TcpStream
 
 MEASURED_SECONDS = 0.5
 """Of events that the rate is measured over before windows are chosen."""
@@ -140,16 +139,14 @@ def _reconstruct(
 @contextmanager
 def opened(text: str, options: LiveOptions, is_stopped: Event) -> Iterator[LiveRecording]:
     """The live recording of a source, to be started."""
-    source = open_source(text, options.source_options())
-    try:
-        if isinstance(source, TcpStream):
-            source.is_stopped = is_stopped.is_set
-            console.print(f"listening on {source.name}", markup=False, soft_wrap=True)
-            source.wait_for_sensor()
-        live = LiveRecording(source, parsed_keep(options.keep))
-    except BaseException:
-        source.close()
-        raise
+    keep = parsed_keep(options.keep)
+    source = open_source(
+        text,
+        options.source_options(),
+        is_stopped.is_set,
+        lambda said: console.print(said, markup=False, soft_wrap=True),
+    )
+    live = LiveRecording(source, keep)
     try:
         yield live
     finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from etnet.live.driver import CameraSource
 from etnet.live.layouts import LayoutName
 from etnet.live.replay import Replay
 from etnet.live.source import LiveSource
-from etnet.live.stream import Address, InputStream, TcpStream, UdpStream
+from etnet.live.stream import Address, InputStream, Listener, UdpStream
 
 CAMERAS = ("davis346", "dvxplorer", "evk3-hd", "evk4", "vga", "triton")
 """Kinds of cameras that the driver knows."""
@@ -36,14 +37,28 @@ class SourceOptions:
     """Of a webcam's simulated sensor: the change of natural-log intensity that makes an event."""
 
 
-def open_source(text: str, options: SourceOptions | None = None) -> LiveSource:
-    """The source that `text` names. Raises RecordingError with the forms it may have."""
+def open_source(
+    text: str,
+    options: SourceOptions | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
+    tell: Callable[[str], None] = lambda _: None,
+) -> LiveSource:
+    """The source that `text` names. Raises RecordingError with the forms it may have.
+
+    A TCP stream that does not know its sensor yet waits for its first sender, until `is_stopped`, and tells so.
+    """
     options = options or SourceOptions()
     kind, _, rest = text.partition(":")
     if text in ("stdin", "-"):
         return InputStream(Address("stdin"), options.sensor, options.layout or "es")
     if kind == "tcp":
-        return TcpStream(_address("tcp", rest), options.sensor, options.layout or "es")
+        listener = Listener(_address("tcp", rest), options.layout or "es", options.sensor)
+        tell(f"listening on {listener.address}")
+        try:
+            return listener.stream(is_stopped)
+        except BaseException:
+            listener.close()
+            raise
     if kind == "udp":
         if options.sensor is None:
             raise RecordingError(f"{text}: datagrams do not tell the sensor's size; state it: --sensor 346x260")

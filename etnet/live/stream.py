@@ -5,6 +5,7 @@ Nothing queues up here: what is not read waits at the sender (standard input, TC
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import socket
@@ -124,76 +125,82 @@ class UdpStream(WithoutSettings):
                 return
 
 
-@dataclass(eq=False)
-class TcpStream(WithoutSettings):
-    """Listens; one sender at a time, and the next one when it hangs up or sends what is no events.
+class Listener:
+    """A port on which senders connect, one after the other."""
 
-    Event Stream tells the sensor's size, the other layouts need it stated. The first sender is waited for.
-    """
-
-    address: Address
-    stated: Sensor | None = None
-    layout: LayoutName = "es"
-    patience: float = 3600.0
-    """Seconds that the first sender is waited for."""
-    is_stopped: Callable[[], bool] = lambda: False
-    sensor: Sensor = field(init=False)
-    _listening: socket.socket = field(init=False, repr=False)
-    _sender: socket.socket | None = field(init=False, default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        _check_stated(self.address, self.layout, self.stated)
-        self._listening = _bound(self.address, socket.SOCK_STREAM)
-        self._listening.listen(1)
-        if self.stated is not None:
-            self.sensor = self.stated
-
-    @property
-    def name(self) -> str:
-        """The address."""
-        return str(self.address)
-
-    @property
-    def format(self) -> str:
-        """The layout."""
-        return f"{_words(self.layout)} over TCP"
+    def __init__(self, address: Address, layout: LayoutName = "es", stated: Sensor | None = None) -> None:
+        _check_stated(address, layout, stated)
+        self.layout: LayoutName = layout
+        self.address, self.stated = address, stated
+        self._socket = _bound(address, socket.SOCK_STREAM)
+        self._socket.listen(1)
 
     @property
     def port(self) -> int:
         """The port that it listens on."""
-        return self._listening.getsockname()[1]
+        return self._socket.getsockname()[1]
 
-    def wait_for_sensor(self) -> None:
-        """Wait for the first sender, whose header tells the sensor's size; nothing to do where that is stated."""
-        waited = 0.0
-        while self.stated is None and not hasattr(self, "sensor"):
-            if waited > self.patience or self.is_stopped():
-                raise RecordingError(f"{self.name}: nobody sent anything; start the sender, it has to connect here")
-            if not _is_ready(self._listening):
-                waited += PATIENCE
-                continue
-            sender, _ = self._listening.accept()
-            try:
-                self.sensor = event_stream_sensor(_head(sender, self.is_stopped))
-                self._sender = sender
-            except (WrongBytes, OSError):
-                sender.close()
+    @property
+    def host(self) -> str:
+        """The address of this machine that it listens under."""
+        return self._socket.getsockname()[0]
+
+    def sender(self) -> socket.socket | None:
+        """A sender that waits; `None` after `PATIENCE` without one."""
+        return self._socket.accept()[0] if _is_ready(self._socket) else None
+
+    def stream(self, is_stopped: Callable[[], bool] = lambda: False, patience: float = math.inf) -> TcpStream:
+        """The source. Where the sensor's size is not stated, the first sender is waited for, whose header tells it."""
+        if self.stated is not None:
+            return TcpStream(self, self.stated)
+        until = time.monotonic() + patience
+        while time.monotonic() < until and not is_stopped():
+            sender = self.sender()
+            if sender is not None:
+                try:
+                    return TcpStream(self, event_stream_sensor(_head(sender, is_stopped)), sender)
+                except (WrongBytes, OSError):
+                    sender.close()
+        raise RecordingError(f"{self.address}: nobody sent anything; start the sender, it has to connect here")
+
+    def close(self) -> None:
+        """Close the port."""
+        self._socket.close()
+
+
+@dataclass(eq=False)
+class TcpStream(WithoutSettings):
+    """What one sender at a time sends, and the next one when it hangs up or sends what is no events."""
+
+    listener: Listener
+    sensor: Sensor
+    _sender: socket.socket | None = field(default=None, repr=False)
+    """One whose header was read."""
+
+    @property
+    def name(self) -> str:
+        """The address."""
+        return str(self.listener.address)
+
+    @property
+    def format(self) -> str:
+        """The layout."""
+        return f"{_words(self.listener.layout)} over TCP"
 
     def packets(self, is_stopped: Callable[[], bool]) -> Iterator[Packet]:
         """What one sender after the other sends."""
-        self.wait_for_sensor()
-        has_head = self._sender is not None
+        layout, has_head = self.listener.layout, self._sender is not None
         while not is_stopped():
             if self._sender is None:
-                if not _is_ready(self._listening):
+                self._sender = self.listener.sender()
+                if self._sender is None:
                     yield Packet(Events.empty(self.sensor))
                     continue
-                self._sender, has_head = self._listening.accept()[0], False
             note, num_lost = "the sender hung up; waiting for it", 0
             try:
-                if self.layout == "es" and not has_head:
+                if layout == "es" and not has_head:
                     _check_same(event_stream_sensor(_head(self._sender, is_stopped)), self.sensor)
-                decoder = decoder_of(self.layout, self.sensor)
+                decoder = decoder_of(layout, self.sensor)
                 yield from self._sent(self._sender, decoder, is_stopped)
             except WrongBytes as error:
                 note, num_lost = f"wrong bytes ({error}); the connection was closed, waiting for another", 1
@@ -206,7 +213,7 @@ class TcpStream(WithoutSettings):
 
     def close(self) -> None:
         """Close the sockets."""
-        self._listening.close()
+        self.listener.close()
         if self._sender is not None:
             self._sender.close()
 

@@ -20,7 +20,7 @@ from etnet.live.hdf5_writer import Hdf5Writer
 from etnet.live.log import log_of, windows_as_cut
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
-from etnet.live.source import CameraFrame, Packet, Setting
+from etnet.live.source import Packet, Setting
 from etnet.live.windows import LiveWindows
 from etnet.windows import ByCount
 from tests.live.sources import GivenPackets, cut_up, edges_at, frames_at, make_events, same
@@ -169,30 +169,13 @@ def test_a_damaged_log_is_one_sentence(tmp_path, line, said):
             windows_as_cut(recording)
 
 
-def _write_for_ever(path):
-    """In a process of its own: records made-up events, and prints how many are flushed."""
-    from etnet.live.record import _WRITERS
-
-    writer = _WRITERS[path.suffix](path, SMALL, "killed")
-    events = make_events(200_000, duration=200_000)
-    for number in range(0, 200_000, 500):
-        writer.add_events(events[number : number + 500])
-        stamp = int(events.t[number])
-        writer.add_frame(CameraFrame(stamp, np.full((12, 20), number % 256, np.uint8)), writer.num_events)
-        writer.add_triggers(edges_at([stamp]))
-        writer.flush()
-        print(number + 500, flush=True)
-
-
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_kill_at_any_moment_leaves_all_up_to_the_last_flush(tmp_path, suffix):
     chance = random.Random(suffix)
     events = make_events(200_000, duration=200_000)
-    for number in range(3):
+    for number in range(2):
         path = tmp_path / f"killed{number}{suffix}"
-        code = (
-            f"import pathlib; from tests.live.test_record import _write_for_ever as w; w(pathlib.Path({str(path)!r}))"
-        )
+        code = f"import pathlib; from tests.live.killed_writer import write_for_ever; write_for_ever(pathlib.Path({str(path)!r}))"
         with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             process.stdout.readline()

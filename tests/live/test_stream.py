@@ -11,8 +11,9 @@ import pytest
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.live import stream as module
+from etnet.live.layouts import LayoutName
 from etnet.live.recording import LiveRecording
-from etnet.live.stream import Address, InputStream, TcpStream, UdpStream
+from etnet.live.stream import Address, InputStream, Listener, UdpStream
 from tests.live.sources import make_events, same, wait_for
 from tests.live.test_layouts import event_stream_bytes, record_bytes
 from tests.strategies import SMALL
@@ -25,15 +26,15 @@ def hurried(monkeypatch):
     monkeypatch.setattr(module, "PATIENCE", 0.02)
 
 
-def _tcp(**options) -> TcpStream:
-    return TcpStream(Address("tcp"), **options)
+def _tcp(layout: LayoutName = "es", stated: Sensor | None = SMALL) -> Listener:
+    return Listener(Address("tcp"), layout, stated)
 
 
-def _sender(stream: TcpStream) -> socket.socket:
+def _sender(stream: Listener) -> socket.socket:
     return socket.create_connection((HERE, stream.port), timeout=5)
 
 
-def _send(stream: TcpStream, content: bytes) -> None:
+def _send(stream: Listener, content: bytes) -> None:
     with _sender(stream) as sender:
         sender.sendall(content)
 
@@ -44,12 +45,12 @@ def _notes(live: LiveRecording) -> str:
 
 def test_event_stream_over_tcp_arrives_with_the_size_that_it_states():
     events = make_events(3000)
-    stream = _tcp()
+    stream = _tcp(stated=None)
     sending = threading.Thread(target=_send, args=(stream, event_stream_bytes(events)))
     sending.start()
-    stream.wait_for_sensor()
-    assert stream.sensor == SMALL
-    with LiveRecording(stream) as live:
+    source = stream.stream()
+    assert source.sensor == SMALL
+    with LiveRecording(source) as live:
         assert same(live.wait(3000).read(0, 3000), events)
         sending.join()
         wait_for(lambda: "the sender hung up; waiting for it" in _notes(live))
@@ -57,8 +58,8 @@ def test_event_stream_over_tcp_arrives_with_the_size_that_it_states():
 
 def test_a_sender_that_hangs_up_is_followed_by_the_next_one_on_one_clock():
     events = make_events(100)
-    stream = _tcp(stated=SMALL, layout="t64_x16_y16_on8")
-    with LiveRecording(stream) as live:
+    stream = _tcp("t64_x16_y16_on8")
+    with LiveRecording(stream.stream()) as live:
         for number in range(3):
             _send(stream, record_bytes(events, stream.layout))
             wait_for(lambda number=number: live.extent().num_events == 100 * (number + 1))
@@ -80,8 +81,8 @@ def test_a_sender_that_hangs_up_is_followed_by_the_next_one_on_one_clock():
 )
 def test_wrong_bytes_cost_the_connection_and_nothing_else(content, said):
     events = make_events(50)
-    stream = _tcp(stated=SMALL)
-    with LiveRecording(stream) as live:
+    stream = _tcp()
+    with LiveRecording(stream.stream()) as live:
         _send(stream, event_stream_bytes(events))
         live.wait(50)
         _send(stream, content)
@@ -94,8 +95,8 @@ def test_wrong_bytes_cost_the_connection_and_nothing_else(content, said):
 
 def test_an_event_beyond_the_sensor_is_wrong_bytes():
     events = make_events(50, Sensor(300, 200))
-    stream = _tcp(stated=SMALL, layout="t64_x16_y16_on8")
-    with LiveRecording(stream) as live:
+    stream = _tcp("t64_x16_y16_on8")
+    with LiveRecording(stream.stream()) as live:
         _send(stream, record_bytes(events, stream.layout))
         wait_for(lambda: "beyond 20×12" in _notes(live))
         assert live.loss.packets == 1
@@ -104,8 +105,8 @@ def test_an_event_beyond_the_sensor_is_wrong_bytes():
 
 def test_a_sender_that_says_nothing_holds_nobody_up_for_ever(monkeypatch):
     monkeypatch.setattr(module, "HEAD_PATIENCE", 0.1)
-    stream = _tcp(stated=SMALL)
-    with LiveRecording(stream) as live, _sender(stream):
+    stream = _tcp()
+    with LiveRecording(stream.stream()) as live, _sender(stream):
         wait_for(lambda: "wrong bytes" in _notes(live))
         _send(stream, event_stream_bytes(make_events(9)))
         live.wait(9)
@@ -113,8 +114,8 @@ def test_a_sender_that_says_nothing_holds_nobody_up_for_ever(monkeypatch):
 
 def test_a_sender_that_breaks_off_within_an_event_leaves_no_half_event():
     events = make_events(10)
-    stream = _tcp(stated=SMALL, layout="t64_x16_y16_on8")
-    with LiveRecording(stream) as live:
+    stream = _tcp("t64_x16_y16_on8")
+    with LiveRecording(stream.stream()) as live:
         _send(stream, record_bytes(events, stream.layout)[:-5])
         live.wait(9)
         wait_for(lambda: "hung up" in _notes(live))
@@ -123,15 +124,15 @@ def test_a_sender_that_breaks_off_within_an_event_leaves_no_half_event():
 
 
 def test_nobody_sends_is_a_sentence():
-    stream = _tcp(patience=0.05)
+    stream = _tcp(stated=None)
     with pytest.raises(RecordingError, match="nobody sent anything; start the sender"):
-        stream.wait_for_sensor()
+        stream.stream(patience=0.05)
     stream.close()
 
 
 def test_streams_listen_on_this_machine_alone_unless_stated():
-    stream = _tcp(stated=SMALL)
-    assert stream._listening.getsockname()[0] == HERE
+    stream = _tcp()
+    assert stream.host == HERE
     stream.close()
     udp = UdpStream(Address("udp"), SMALL)
     assert udp._socket.getsockname()[0] == HERE
@@ -139,9 +140,9 @@ def test_streams_listen_on_this_machine_alone_unless_stated():
 
 
 def test_a_port_that_is_taken_is_a_sentence():
-    stream = _tcp(stated=SMALL)
+    stream = _tcp()
     with pytest.raises(RecordingError, match="cannot listen there"):
-        TcpStream(Address("tcp", HERE, stream.port), SMALL)
+        Listener(Address("tcp", HERE, stream.port))
     stream.close()
 
 
@@ -188,7 +189,7 @@ def test_event_stream_does_not_go_over_datagrams():
 
 def test_a_layout_without_a_size_needs_it_stated():
     with pytest.raises(RecordingError, match="--sensor 346x260"):
-        TcpStream(Address("tcp"), None, "t64_x16_y16_on8")
+        Listener(Address("tcp"), "t64_x16_y16_on8")
 
 
 def _piped(content: bytes):
