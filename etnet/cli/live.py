@@ -20,6 +20,7 @@ from etnet.errors import RecordingError
 from etnet.live.buffer import Keep
 from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, open_source, parsed_sensor
+from etnet.live.rate import Band, RateFollower
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
 
@@ -41,6 +42,8 @@ class LiveOptions:
     """Replay again and again."""
     keep: str = "60s,512MB"
     """How much is held: seconds, MB, or both."""
+    rate: tuple[float, float] | None = None
+    """Lowest and highest Mev/s: the biases of an EVK4 or DAVIS346 follow to stay between."""
     seconds: float | None = None
     """End after so long; default: when the source ends, or at Ctrl+C."""
 
@@ -146,7 +149,15 @@ def opened(text: str, options: LiveOptions, is_stopped: Event) -> Iterator[LiveR
         is_stopped.is_set,
         lambda said: console.print(said, markup=False, soft_wrap=True),
     )
-    live = LiveRecording(source, keep)
+    try:
+        follower = None
+        if options.rate is not None:
+            lowest, highest = (1e6 * limit for limit in options.rate)
+            follower = RateFollower(getattr(source, "kind", source.format), Band(lowest, highest))
+        live = LiveRecording(source, keep, follower)
+    except BaseException:
+        source.close()
+        raise
     try:
         yield live
     finally:

@@ -80,14 +80,14 @@ class CameraSource:
         self._module = module or driver_module()
         self._changes: deque[tuple[str, int]] = deque(maxlen=MOST_CHANGES)
         camera = self._chosen(kind, serial)
-        self._kind, self._serial = camera.kind, camera.serial
+        self.kind, self._serial = camera.kind, camera.serial
         self.name = camera.model if camera.serial is None else f"{camera.model} {camera.serial}"
         self.format = "live through neuromorphic-drivers"
         self._configuration: Any = None
         self._device = self._opened()
         properties = self._device.properties()
         self.sensor = Sensor(int(properties.width), int(properties.height))
-        self._configuration = _module_of(self._module, self._kind).Configuration()
+        self._configuration = _module_of(self._module, self.kind).Configuration()
         self._bounds = self._device.biases_bounds()
 
     def packets(self, is_stopped: Callable[[], bool]) -> Iterator[Packet]:
@@ -182,7 +182,7 @@ class CameraSource:
 
     def _is_listed(self) -> bool:
         listed = list_cameras(self._module)
-        return any(c.kind == self._kind and c.serial == self._serial and c.fault is None for c in listed)
+        return any(c.kind == self.kind and c.serial == self._serial and c.fault is None for c in listed)
 
     def _is_back(self) -> bool:
         try:

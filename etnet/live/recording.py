@@ -12,6 +12,7 @@ from etnet.events.events import Events, Sensor
 from etnet.events.recording import Recording, Remark, Span
 from etnet.live.buffer import Extent, Keep, LiveBuffer
 from etnet.live.clock import OneWayClock
+from etnet.live.rate import RateFollower
 from etnet.live.source import LiveSource, Packet, Setting
 
 NOTES = 1_000
@@ -65,7 +66,8 @@ class LiveRecording:
     that names the moment before which all is gone.
     """
 
-    def __init__(self, source: LiveSource, keep: Keep | None = None) -> None:
+    def __init__(self, source: LiveSource, keep: Keep | None = None, follower: RateFollower | None = None) -> None:
+        """`follower` changes the camera's biases with the event rate."""
         self.source, self.keep = source, keep or Keep()
         self.buffer = LiveBuffer(source.sensor, self.keep)
         self._stopped, self._is_over = Event(), False
@@ -74,7 +76,7 @@ class LiveRecording:
         self._loss = Loss()
         self._arrivals: deque[tuple[int, float]] = deque(maxlen=ARRIVALS)
         self._newest: Recording | None = None
-        self._clock = OneWayClock()
+        self._clock, self._follower = OneWayClock(), follower
         self._thread = Thread(target=self._run, name=f"live {source.name}", daemon=True)
 
     def start(self) -> LiveRecording:
@@ -181,6 +183,8 @@ class LiveRecording:
         try:
             for packet in self.source.packets(self._stopped.is_set):
                 self._take(packet)
+                if self._follower is not None:
+                    self._follow_rate(self._follower)
                 if self._stopped.is_set():
                     break
         except EtnetError as error:
@@ -191,6 +195,12 @@ class LiveRecording:
             with self.buffer.changed:
                 self._is_over = True
                 self.buffer.changed.notify_all()
+
+    def _follow_rate(self, follower: RateFollower) -> None:
+        extent = self.buffer.extent()
+        if extent.until is not None:
+            for name, value in follower.changes(extent.until, extent.num_events, self.source.settings()):
+                self.source.change(name, value)
 
     def _take(self, packet: Packet) -> None:
         mended = self._clock.mended(packet)

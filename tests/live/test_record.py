@@ -175,7 +175,10 @@ def test_a_kill_at_any_moment_leaves_all_up_to_the_last_flush(tmp_path, suffix):
     events = make_events(200_000, duration=200_000)
     for number in range(2):
         path = tmp_path / f"killed{number}{suffix}"
-        code = f"import pathlib; from tests.live.killed_writer import write_for_ever; write_for_ever(pathlib.Path({str(path)!r}))"
+        code = (
+            "import pathlib; from tests.live.killed_writer import write_for_ever; "
+            f"write_for_ever(pathlib.Path({str(path)!r}))"
+        )
         with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             process.stdout.readline()
