@@ -1,4 +1,4 @@
-"""Live sources: whether 10 Mev/s at 1280×720 are taken in without falling behind or growing; faery as rival for reading.
+"""Live sources: whether 10 Mev/s at 1280×720 are taken in without falling behind or growing; faery as the rival.
 
 `python live.py --seconds 60`. Times are CPU seconds of this process; ratios are to what faery takes in the same run.
 """
@@ -60,6 +60,7 @@ def paced(recording: Recording, seconds: float, out: Path | None = None) -> dict
             if window is not None:
                 live.buffer.read(window.start, window.stop)
             extent = live.extent()
+            elapsed = time.monotonic() - began
             if extent.until is not None and elapsed > 1:
                 late.append(1000 * elapsed - (extent.until - recording.span.start) / 1000)
                 resident.append(_resident())

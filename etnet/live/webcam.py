@@ -17,14 +17,12 @@ from jaxtyping import UInt8
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.live.simulated import SimulatedSensor
 from etnet.live.source import CameraFrame, Packet, WithoutSettings
-from etnet.simulation.sensor import PixelArray, draw_noise, events_of
 from etnet.simulation.video import VideoConfig
 
 MOST_WAITING = 4
 """Frames that wait for the simulator at most; older ones are left out and counted."""
-GAMMA = 2.2
-"""Of a camera's grey values; the simulated sensor sees light."""
 PATIENCE = 0.1
 
 
@@ -35,27 +33,6 @@ class FrameSensor(Protocol):
     def expose(self, grey: UInt8[np.ndarray, "h w"], t: float) -> Events:
         """The events between the frame before and this one, stamped `t` (µs). The first frame gives none."""
         ...
-
-
-class SimulatedSensor:
-    """The simulator's pixels, shown one frame after the other."""
-
-    def __init__(self, sensor: Sensor, config: VideoConfig) -> None:
-        self._sensor, self._config = sensor, config
-        self._rng = np.random.default_rng(config.seed)
-        self._pixels: PixelArray | None = None
-        self._before = 0.0
-
-    def expose(self, grey: UInt8[np.ndarray, "h w"], t: float) -> Events:
-        """The events between the frame before and this one."""
-        light = (grey.astype(np.float32) / 255) ** np.float32(GAMMA)
-        traits, before = self._config.traits, self._before
-        self._before = t
-        if self._pixels is None:
-            self._pixels = PixelArray(light, t, traits, self._rng)
-            return Events.empty(self._sensor)
-        noise = draw_noise(light, (before, t), traits, self._rng)
-        return events_of([self._pixels.expose(light, t), noise], self._sensor)
 
 
 class PushedFrames(WithoutSettings):

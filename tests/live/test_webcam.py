@@ -6,7 +6,8 @@ import pytest
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.live.recording import LiveRecording
-from etnet.live.webcam import MOST_WAITING, PushedFrames, SimulatedSensor
+from etnet.live.simulated import SimulatedSensor
+from etnet.live.webcam import MOST_WAITING, PushedFrames
 from etnet.simulation.video import VideoConfig
 from tests.live.sources import wait_for
 
