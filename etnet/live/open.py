@@ -10,11 +10,14 @@ from pathlib import Path
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.open import open_recording
+from etnet.live.address import Address
 from etnet.live.driver import CameraSource
 from etnet.live.layouts import LayoutName
 from etnet.live.replay import Replay
 from etnet.live.source import LiveSource
-from etnet.live.stream import Address, InputStream, Listener, UdpStream
+from etnet.live.stdin import InputStream
+from etnet.live.tcp import Listener
+from etnet.live.udp import UdpStream
 
 CAMERAS = ("davis346", "dvxplorer", "evk3-hd", "evk4", "vga", "triton")
 """Kinds of cameras that the driver knows."""

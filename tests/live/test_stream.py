@@ -10,10 +10,13 @@ import pytest
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
-from etnet.live import stream as module
+from etnet.live import address, tcp
+from etnet.live.address import Address
 from etnet.live.layouts import LayoutName
 from etnet.live.recording import LiveRecording
-from etnet.live.stream import Address, InputStream, Listener, UdpStream
+from etnet.live.stdin import InputStream
+from etnet.live.tcp import Listener
+from etnet.live.udp import UdpStream
 from tests.live.sources import make_events, same, wait_for
 from tests.live.test_layouts import event_stream_bytes, record_bytes
 from tests.strategies import SMALL
@@ -23,7 +26,7 @@ HERE = "127.0.0.1"
 
 @pytest.fixture(autouse=True)
 def hurried(monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 0.02)
+    monkeypatch.setattr(address, "PATIENCE", 0.02)
 
 
 def _tcp(layout: LayoutName = "es", stated: Sensor | None = SMALL) -> Listener:
@@ -104,7 +107,7 @@ def test_an_event_beyond_the_sensor_is_wrong_bytes():
 
 
 def test_a_sender_that_says_nothing_holds_nobody_up_for_ever(monkeypatch):
-    monkeypatch.setattr(module, "HEAD_PATIENCE", 0.1)
+    monkeypatch.setattr(tcp, "HEAD_PATIENCE", 0.1)
     stream = _tcp()
     with LiveRecording(stream.stream()) as live, _sender(stream):
         wait_for(lambda: "wrong bytes" in _notes(live))
