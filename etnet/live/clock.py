@@ -12,6 +12,8 @@ from etnet.live.source import Packet
 
 SMALL_STEP = 10_000
 """µs that stamps may run back before it counts as another clock: packets that overtake each other."""
+LARGE_STEP = 3_600_000_000
+"""µs that stamps may run ahead from one packet to the next before it counts as another clock."""
 RESUME_GAP = 1_000
 """µs from the last event before a clock began again to the first one after it."""
 
@@ -33,14 +35,15 @@ class OneWayClock:
         self._shift = 0
 
     def mended(self, packet: Packet) -> Mended:
-        """The packet on a clock that runs one way. A step back by more than `SMALL_STEP` is told in its notes."""
+        """The packet on a clock that runs one way. Another clock is told in its notes."""
         notes = packet.notes
         if len(packet.events):
             first = int(packet.events.t[0]) + self._shift
-            if self._last is not None and first < self._last - SMALL_STEP:
-                back = (self._last - first) / 1e6
+            if self._last is not None and not self._last - SMALL_STEP <= first <= self._last + LARGE_STEP:
+                step = (first - self._last) / 1e6
+                said = f"went back by {-step:.3f} s" if step < 0 else f"jumped ahead by {step:.0f} s"
                 self._shift += self._last + RESUME_GAP - first
-                notes = (*notes, f"the clock went back by {back:.3f} s; stamps go on from where it was")
+                notes = (*notes, f"the clock {said}; stamps go on from where it was")
         events, num_held_up = self._ordered(packet.events)
         until = None if packet.until is None else packet.until + self._shift
         if until is not None and self._last is not None:

@@ -29,6 +29,10 @@ _LOOK_AHEAD = 1024
 """Events that are looked through for the next byte that only lets time pass."""
 
 
+RECORD_BYTES: dict[LayoutName, int] = {"t64_x16_y16_on8": 13, "t32_x16_y15_on1": 8}
+"""Of the layouts whose events all have one size."""
+
+
 class WrongBytes(RecordingError):
     """What came cannot be events of this layout and sensor."""
 
@@ -36,6 +40,11 @@ class WrongBytes(RecordingError):
 @runtime_checkable
 class Decoder(Protocol):
     """Bytes in, events out."""
+
+    @property
+    def until(self) -> int | None:
+        """The stamp (µs) up to which everything was decoded; `None` before the first."""
+        ...
 
     def decode(self, content: bytes) -> Events:
         """The events that `content` completes. Raises WrongBytes."""
@@ -71,6 +80,11 @@ class RecordDecoder:
     def __post_init__(self) -> None:
         self._rest = b""
         self._turns, self._last = 0, None
+
+    @property
+    def until(self) -> int | None:
+        """The last event's stamp."""
+        return self._last
 
     def decode(self, content: bytes) -> Events:
         """Whole records; the bytes of a part of one are kept."""
@@ -114,7 +128,12 @@ class EventStreamDecoder:
     sensor: Sensor
 
     def __post_init__(self) -> None:
-        self._rest, self._t = b"", 0
+        self._rest, self._t, self._last = b"", 0, 0
+
+    @property
+    def until(self) -> int | None:
+        """The stream's time, which passes without events too."""
+        return self._t
 
     def decode(self, content: bytes) -> Events:
         """Runs of whole events between the bytes that only let time pass."""
@@ -134,9 +153,14 @@ class EventStreamDecoder:
                 stamps.append(t)
                 self._t = int(t[-1])
                 place += 5 * num_events
-            while place < len(data) and data[place] >= _RESET:
-                self._t += _OVERFLOW_US if data[place] == _OVERFLOW else 0
-                place += 1
+                self._last = self._t
+            passing = data[place : place + _LOOK_AHEAD] >= _RESET
+            num_passing = len(passing) if passing.all() else int(np.argmin(passing))
+            overflows = data[place : place + num_passing] == _OVERFLOW
+            self._t += _OVERFLOW_US * int(np.count_nonzero(overflows))
+            place += num_passing
+            if self._t - self._last > LONGEST_SILENCE:
+                raise WrongBytes(f"{(self._t - self._last) / 1e6:.0f} s without an event")
         self._rest = data[place:].tobytes()
         if not runs:
             return Events.empty(self.sensor)

@@ -48,6 +48,8 @@ def open_source(
 ) -> LiveSource:
     """The source that `text` names. Raises RecordingError with the forms it may have.
 
+    A file that is called like a camera is `./davis346`.
+
     A TCP stream that does not know its sensor yet waits for its first sender, until `is_stopped`, and tells so.
     """
     options = options or SourceOptions()
@@ -66,8 +68,6 @@ def open_source(
         if options.sensor is None:
             raise RecordingError(f"{text}: datagrams do not tell the sensor's size; state it: --sensor 346x260")
         return UdpStream(_address("udp", rest), options.sensor, options.layout or "t64_x16_y16_on8")
-    if Path(text).exists():
-        return Replay(open_recording(text), options.speed, options.is_looped)
     if kind == "webcam" and (rest == "" or rest.isdigit()):
         from etnet.live.webcam import Webcam
         from etnet.simulation.video import VideoConfig
@@ -75,6 +75,8 @@ def open_source(
         return Webcam(int(rest or 0), VideoConfig(contrast=options.contrast))
     if kind in ("camera", *CAMERAS):
         return CameraSource(None if kind == "camera" else kind, rest or None)
+    if Path(text).exists():
+        return Replay(open_recording(text), options.speed, options.is_looped)
     raise RecordingError(f"{text}: neither a file nor a live source; wanted {KINDS}")
 
 

@@ -16,6 +16,8 @@ from etnet.live.source import CameraFrame, Packet, WithoutSettings, no_triggers
 
 LOOP_GAP = 1_000
 """µs between the last event of one round and the first of the next."""
+MARGIN = 1_000_000
+"""µs before the first and after the last event in which frames are replayed too."""
 LARGEST_PACKET = 1 << 20
 """Events handed over at once, where the replay is late."""
 
@@ -54,39 +56,50 @@ class Replay(WithoutSettings):
 
     def packets(self, is_stopped: Callable[[], bool]) -> Iterator[Packet]:
         """Round after round. Each goes on after the one before it on one clock."""
-        span, shift = self.recording.span, 0
-        began, played = time.monotonic(), 0
+        first, end = self._extent()
+        shift, began, played = 0, time.monotonic(), 0
         while True:
-            at = span.start
-            start, frames_before, triggers_before = 0, span.start - 1, span.start - 1
-            while start < self.recording.num_events:
+            start, at, before = 0, first, first - 1
+            while start < self.recording.num_events or at <= end:
                 at += self.packet_us
-                if self.speed:
-                    wait = (played + at - span.start) / (1e6 * self.speed) - (time.monotonic() - began)
-                    while wait > 0 and not is_stopped():
-                        time.sleep(min(wait, 0.1))
-                        wait = (played + at - span.start) / (1e6 * self.speed) - (time.monotonic() - began)
+                self._wait(played + at - first, began, is_stopped)
                 if is_stopped():
                     return
                 stop = self.recording.index_at(at)
-                for first in range(start, max(stop, start + 1), LARGEST_PACKET):
-                    last = min(first + LARGEST_PACKET, stop)
+                for place in range(start, max(stop, start + 1), LARGEST_PACKET):
+                    last = min(place + LARGEST_PACKET, stop)
                     is_whole = last == stop
                     yield Packet(
-                        _shifted(self.recording.read(first, last), shift),
+                        _shifted(self.recording.read(place, last), shift),
                         at + shift if is_whole else None,
-                        self._frames(frames_before, at, shift) if is_whole else (),
-                        self._triggers(triggers_before, at, shift) if is_whole else no_triggers(),
+                        self._frames(before, at, shift) if is_whole else (),
+                        self._triggers(before, at, shift) if is_whole else no_triggers(),
                     )
-                start, frames_before, triggers_before = stop, at - 1, at - 1
+                start, before = stop, at - 1
             if not self.is_looped:
                 return
-            length = span.duration + LOOP_GAP
+            length = end - first + LOOP_GAP
             played, shift = played + length, shift + length
 
     def close(self) -> None:
         """Close the recording."""
         self.recording.close()
+
+    def _extent(self) -> tuple[int, int]:
+        """From the first to the last event, and to frames a little before and after them."""
+        span, truth = self.recording.span, self.recording.ground_truth
+        if truth is None or len(truth) == 0:
+            return span.start, span.stop
+        first, last = int(truth.stamps[0]), int(truth.stamps[-1])
+        return max(min(span.start, first), span.start - MARGIN), min(max(span.stop, last), span.stop + MARGIN)
+
+    def _wait(self, played: int, began: float, is_stopped: Callable[[], bool]) -> None:
+        """Until so many µs of recordings are due."""
+        while self.speed and not is_stopped():
+            wait = played / (1e6 * self.speed) - (time.monotonic() - began)
+            if wait <= 0:
+                return
+            time.sleep(min(wait, 0.1))
 
     def _frames(self, after: int, before: int, shift: int) -> tuple[CameraFrame, ...]:
         """The camera's frames with after < stamp < before."""

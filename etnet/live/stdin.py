@@ -65,7 +65,7 @@ class InputStream(WithoutSettings):
                 events = decoder.decode(content)
             except WrongBytes as error:
                 raise RecordingError(f"{self.name}: wrong bytes ({error}); nothing after them can be read") from error
-            yield Packet(events)
+            yield Packet(events, decoder.until)
 
     def close(self) -> None:
         """Standard input is the program's."""

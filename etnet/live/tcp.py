@@ -118,7 +118,7 @@ class TcpStream(WithoutSettings):
             content = sender.recv(PIECE)
             if not content:
                 return
-            yield Packet(decoder.decode(content))
+            yield Packet(decoder.decode(content), decoder.until)
 
 
 def _head(sender: socket.socket, is_stopped: Callable[[], bool]) -> bytes:

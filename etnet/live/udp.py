@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.live.address import Address, bound, is_ready
-from etnet.live.layouts import LayoutName, WrongBytes, decoder_of
+from etnet.live.layouts import RECORD_BYTES, LayoutName, WrongBytes, decoder_of
 from etnet.live.source import Packet, WithoutSettings
 
 DATAGRAM = 1 << 16
@@ -58,8 +58,10 @@ class UdpStream(WithoutSettings):
             parts: list[Events] = []
             num_lost, notes = 0, ()
             for content in self._waiting():
+                num_whole = len(content) // RECORD_BYTES[self.layout]
+                num_lost += num_whole * RECORD_BYTES[self.layout] < len(content)
                 try:
-                    events = decoder.decode(content)
+                    events = decoder.decode(content[: num_whole * RECORD_BYTES[self.layout]])
                 except WrongBytes as error:
                     num_lost += 1
                     decoder = decoder_of(self.layout, self.sensor)

@@ -83,6 +83,14 @@ def test_stopping_ends_the_thread_and_gives_the_source_back():
     assert source.is_closed
 
 
+def test_a_clock_that_jumps_ahead_goes_on_and_is_said():
+    clock = OneWayClock()
+    clock.mended(_stamped([0, 100]))
+    mended = clock.mended(_stamped([10**15, 10**15 + 5]))
+    assert list(mended.packet.events.t) == [100 + RESUME_GAP, 105 + RESUME_GAP]
+    assert "jumped ahead by 1000000000 s" in mended.packet.notes[0]
+
+
 def test_how_far_behind_a_moment_is():
     gate, events = threading.Semaphore(0), make_events(200)
     with LiveRecording(GivenPackets(cut_up(events, 100), gate=gate)) as live:

@@ -1,5 +1,6 @@
 """Streams: what a sender sends arrives, and a sender that misbehaves costs its connection and nothing else."""
 
+import contextlib
 import os
 import socket
 import threading
@@ -183,6 +184,31 @@ def test_datagrams_that_come_late_or_are_wrong_are_left_out_and_counted():
         read = live.recording().read(0, 20)
         assert same(read, Events.concatenate([events[:10], events[20:]], SMALL))
         assert _notes(live).count("wrong bytes") == 1, "one line for a stretch of them"
+
+
+def test_a_datagram_that_was_cut_spoils_none_after_it():
+    events = make_events(30)
+    parts = [record_bytes(events[i : i + 10], "t64_x16_y16_on8") for i in (0, 10, 20)]
+    stream = UdpStream(Address("udp"), SMALL)
+    with LiveRecording(stream) as live:
+        _datagrams(stream, parts[0][:-5], parts[1], parts[2])
+        read = live.wait(29).read(0, 29)
+        assert same(read, Events.concatenate([events[:9], events[10:]], SMALL))
+        assert live.loss.packets == 1
+
+
+def test_time_that_only_passes_ends_as_wrong_bytes():
+    stream = _tcp()
+    with LiveRecording(stream.stream()) as live:
+        _send(stream, event_stream_bytes(make_events(5)) + b"\xff" * 1000)
+        wait_for(lambda: (live.extent().until or 0) > 127_000)
+        assert live.extent().num_events == 5, "time passes without events"
+        flood = b"\xff" * (1 << 20)
+        with _sender(stream) as sender, contextlib.suppress(OSError):
+            sender.sendall(event_stream_bytes(make_events(1))[:20])
+            for _ in range(40):
+                sender.sendall(flood)
+        wait_for(lambda: "s without an event" in _notes(live))
 
 
 def test_event_stream_does_not_go_over_datagrams():
