@@ -100,8 +100,8 @@ def run(config: ReconstructLive) -> int:
 def _reconstruct(
     config: ReconstructLive, stack: ExitStack, live: LiveRecording, model, downsample, is_stopped: Event
 ) -> int:
+    from etnet.cli.live_frames import FrameFolder
     from etnet.events.events import Sensor
-    from etnet.export.images import to_uint8, write_png
     from etnet.live.pace import fitting_policy, measured_step
     from etnet.live.reconstruct import reconstruct_live
     from etnet.live.windows import LiveWindows
@@ -122,18 +122,10 @@ def _reconstruct(
     windows = LiveWindows(live, policy, seen)
     if recorder is not None:
         recorder.follow(windows.kept, repr(policy), downsample)
-    gamma = config.gamma if config.gamma is not None else float(model.card.get("display_gamma", 1.0))
-    (config.out / "frames").mkdir(parents=True, exist_ok=True)
     told = Teller(live)
-    with (config.out / "stamps.csv").open("w", encoding="ascii", newline="\n") as stamps:
-        stamps.write("frame,stamp_us,start_us,num_events,merged\n")
+    with FrameFolder(config.out, model, config.gamma) as folder:
         for live_step in reconstruct_live(model, windows, downsample, is_stopped.is_set):
-            window = live_step.window
-            image = to_uint8(live_step.step.frame[0, 0].float().cpu().numpy(), gamma)
-            write_png(config.out / "frames" / f"frame_{window.index:06d}.png", image)
-            row = (window.index, window.t_stop, window.t_start, window.num_events, live_step.num_merged)
-            stamps.write(",".join(map(str, row)) + "\n")
-            stamps.flush()
+            folder.add(live_step.window, live_step.step.frame, live_step.num_merged)
             told.tell(f"{_behind(live_step.behind)}, {windows.num_merged} windows merged")
     told.tell(f"{windows.num_merged} windows merged, {windows.num_unseen} events unseen", is_last=True)
     return len(windows.kept)

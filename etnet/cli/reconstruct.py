@@ -1,4 +1,4 @@
-"""`etnet reconstruct FILE | --live SOURCE`: PNG frames with their stamps, and an MP4."""
+"""`etnet reconstruct FILE`: PNG frames with their stamps, and an MP4."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import tyro
 
 from etnet.cli.live import ReconstructLive
 from etnet.cli.live import run as run_live
+from etnet.cli.live_frames import run_as_cut
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
-from etnet.errors import WindowError
 from etnet.events.recording import Recording
-from etnet.live.log import windows_as_cut
 from etnet.windows import Window, plan_windows
 
 
@@ -24,7 +23,8 @@ from etnet.windows import Window, plan_windows
 class Reconstruct:
     """Turn a recording into frames: PNG files, a table of their stamps, and a video.
 
-    With --live a camera, a stream or a replayed recording takes the file's place: `etnet reconstruct --live --help`.
+    With --live a camera, a stream or a replayed recording takes the file's place (`etnet reconstruct --live --help`);
+    of what was recorded then, `--windows as-cut` gives the live frames again.
     """
 
     file: tyro.conf.Positional[Path]
@@ -34,10 +34,7 @@ class Reconstruct:
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
-    """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35.
-
-    as-cut takes the windows of a live recording as they were cut then, and gives its live frames again.
-    """
+    """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
@@ -50,8 +47,7 @@ class Reconstruct:
 def parse(arguments: Sequence[str], program: str) -> Reconstruct | ReconstructLive:
     """The command line; `--live` makes it another command."""
     is_live = any(argument.partition("=")[0] == "--live" for argument in arguments)
-    kind = ReconstructLive if is_live else Reconstruct
-    return tyro.cli(kind, prog=program, args=list(arguments))
+    return tyro.cli(ReconstructLive if is_live else Reconstruct, prog=program, args=list(arguments))
 
 
 def run(config: Reconstruct | ReconstructLive) -> int:
@@ -60,35 +56,26 @@ def run(config: Reconstruct | ReconstructLive) -> int:
 
     if isinstance(config, ReconstructLive):
         return run_live(config)
+    if config.windows == "as-cut":
+        places = config.file, config.opening, config.out
+        return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
     with open_with_progress(config.file, config.opening) as recording:
         for remark in recording.remarks:
             console.print(f"[dim]{remark}[/dim]")
-        windows = _windows(config, recording)
+        policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
         model = load_model(config.model, config.device, config.precision)
         gamma = config.gamma if config.gamma is not None else float(model.card.get("display_gamma", 1.0))  # pyright: ignore
+        windows = plan_windows(recording, policy)
         console.print(
             f"{recording.name}: {recording.sensor}, {recording.num_events:,} events, {len(windows)} windows; "
             f"model {model.name}, {model.runtime.precision}, display gamma {gamma:g}"
         )
-        _write(config, recording, model, windows, gamma)
+        _write(config, recording, model, policy, windows, gamma)
     console.print(f"wrote {len(windows)} frames to {config.out}", markup=False, soft_wrap=True)
     return 0
 
 
-def _windows(config: Reconstruct, recording: Recording) -> Sequence[Window]:
-    if config.windows == "as-cut":
-        as_cut = windows_as_cut(recording)
-        if as_cut.downsample != config.opening.downsample:
-            raise WindowError(
-                f"{recording.name}: the network saw it with {as_cut.downsample} pixels a side joined, it is opened "
-                f"with {config.opening.downsample}; add --downsample {as_cut.downsample}"
-            )
-        return as_cut.windows
-    policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
-    return plan_windows(recording, policy)
-
-
-def _write(config: Reconstruct, recording: Recording, model, windows: Sequence[Window], gamma: float) -> None:
+def _write(config: Reconstruct, recording: Recording, model, policy, windows: Sequence[Window], gamma: float) -> None:
     from etnet.export.images import to_uint8, write_atomically, write_png
     from etnet.export.video import video_writer
     from etnet.reconstruction import reconstruct
@@ -98,7 +85,7 @@ def _write(config: Reconstruct, recording: Recording, model, windows: Sequence[W
     width, height = recording.sensor.width, recording.sensor.height
     rate = _frames_per_second(windows) * config.speed
     with video_writer(config.out / "video.mp4", width, height, rate) as append:
-        for window, step in track(reconstruct(model, recording, windows), len(windows), "reconstructing"):
+        for window, step in track(reconstruct(model, recording, policy), len(windows), "reconstructing"):
             image = to_uint8(step.frame[0, 0].float().cpu().numpy(), gamma)
             write_png(config.out / "frames" / f"frame_{window.index:06d}.png", image)
             append(image)

@@ -15,6 +15,7 @@ from typing import Any
 from etnet.errors import RecordingError, WindowError
 from etnet.events.events import Sensor
 from etnet.events.recording import Recording
+from etnet.live.binning import Downsample
 from etnet.live.recording import Loss, Note
 from etnet.windows import Window
 
@@ -72,7 +73,9 @@ class AsCut:
     """The windows of a recorded file as they were cut live, and the binning under which the network saw them."""
 
     windows: Sequence[Window]
-    downsample: int
+    num_merged: Sequence[int]
+    """How many windows of the policy each holds."""
+    downsample: Downsample
     num_cut_off: int
     """Windows whose events are not all in the file, because it was cut short."""
 
@@ -86,23 +89,26 @@ def windows_as_cut(recording: Recording) -> AsCut:
     if log.stat().st_size > _LARGEST:
         raise WindowError(f"{log.name}: a log of more than {_LARGEST >> 20} MB; it is no log of windows")
     windows: list[Window] = []
-    downsample, num_cut_off = 1, 0
+    merged: list[int] = []
+    downsample: Downsample = 1
+    num_cut_off = 0
     with log.open(encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(file, 1):
             if not line.endswith("\n"):
                 break  # the line in which its writer was stopped
             content = _parsed(line, number, log.name)
             if "downsample" in content:
-                downsample = _whole(content["downsample"], number, log.name)
+                downsample = _downsample(content["downsample"], number, log.name)
             if "window" in content:
-                window = _window(content["window"], len(windows), number, log.name)
+                window, num_merged = _window(content["window"], len(windows), number, log.name)
                 if window.stop > recording.num_events:
                     num_cut_off += 1
                 elif not num_cut_off:
                     windows.append(window)
+                    merged.append(num_merged)
     if not windows:
         raise WindowError(f"{log.name}: holds no windows; the network was not running while it was recorded")
-    return AsCut(tuple(windows), downsample, num_cut_off)
+    return AsCut(tuple(windows), tuple(merged), downsample, num_cut_off)
 
 
 def _parsed(line: str, number: int, name: str) -> dict[str, Any]:
@@ -115,13 +121,19 @@ def _parsed(line: str, number: int, name: str) -> dict[str, Any]:
     return content
 
 
-def _window(row: Any, index: int, number: int, name: str) -> Window:
+def _downsample(value: Any, number: int, name: str) -> Downsample:
+    if value not in (1, 2, 4) or isinstance(value, bool):
+        raise RecordingError(f"{name}: line {number} has pixels binned by {str(value)[:40]}; wanted 1, 2 or 4")
+    return value
+
+
+def _window(row: Any, index: int, number: int, name: str) -> tuple[Window, int]:
     if not isinstance(row, list) or len(row) != 5:
         raise RecordingError(f"{name}: line {number} holds no window; wanted start, stop, t_start, t_stop, merged")
-    start, stop, t_start, t_stop, _ = (_whole(value, number, name) for value in row)
+    start, stop, t_start, t_stop, num_merged = (_whole(value, number, name) for value in row)
     if not 0 <= start <= stop or t_stop < t_start:
         raise RecordingError(f"{name}: line {number} holds a window that runs backwards: {row}")
-    return Window(index, start, stop, t_start, t_stop)
+    return Window(index, start, stop, t_start, t_stop), num_merged
 
 
 def _whole(value: Any, number: int, name: str) -> int:

@@ -48,6 +48,7 @@ def test_live_frames_are_written_and_come_again_from_the_recorded_file(tmp_path,
     assert len(frames) >= 2
     for frame in frames:
         assert frame.read_bytes() == (again / "frames" / frame.name).read_bytes()
+    assert (again / "stamps.csv").read_text() == (out / "stamps.csv").read_text()
     rows = (out / "stamps.csv").read_text().splitlines()
     assert rows[0] == "frame,stamp_us,start_us,num_events,merged"
     assert len(rows) == len(frames) + 1
