@@ -108,7 +108,7 @@ class LiveBuffer:
         self._num_triggers = 0
 
     def add(self, events: Events, until: int | None, frames: tuple[CameraFrame, ...], triggers: Triggers) -> None:
-        """Take one packet in, and let go of what is too old or too much."""
+        """Take one packet in, and drop what is too old or too much."""
         with self.changed:
             at = 0
             while at < len(events):
@@ -126,7 +126,7 @@ class LiveBuffer:
             if len(triggers):
                 self._triggers.append(triggers)
                 self._num_triggers += len(triggers)
-            self._let_go()
+            self._drop_old()
             self.changed.notify_all()
 
     def extent(self) -> Extent:
@@ -222,7 +222,7 @@ class LiveBuffer:
         self._frames.append(frame)
         self._frame_bytes += frame.pixels.nbytes
 
-    def _let_go(self) -> None:
+    def _drop_old(self) -> None:
         if self._until is None:
             return
         oldest = self._until - round(self._keep.seconds * 1e6)

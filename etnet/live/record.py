@@ -1,7 +1,7 @@
 """Record what comes live while it comes: AEDAT4 or event_utils HDF5, with frames and triggers, and a log beside it.
 
-The recorder reads the live buffer in a thread of its own, so a slow disk holds nobody up. What leaves the buffer before
-it is written is missing in the file, and counted.
+The recorder reads the live buffer in a thread of its own, so a slow disk delays neither camera nor network. What leaves
+the buffer before it is written is missing in the file, and counted.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class _Held:
 class LiveRecording:
     """Fills a buffer from `source` in a thread of its own, from `start` to `stop` or the source's end.
 
-    `recording()` is what there is by now. Events keep their numbers for ever; those that left the buffer are an error
+    `recording()` is what there is by now. An event keeps its number; those that left the buffer are an error
     that names the moment before which all is gone.
     """
 

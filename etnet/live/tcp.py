@@ -54,7 +54,7 @@ class Listener:
                     return TcpStream(self, event_stream_sensor(_head(sender, is_stopped)), sender)
                 except (WrongBytes, OSError):
                     sender.close()
-        raise RecordingError(f"{self.address}: nobody sent anything; start the sender, it has to connect here")
+        raise RecordingError(f"{self.address}: nothing was sent; start the sender, it has to connect here")
 
     def close(self) -> None:
         """Close the port."""

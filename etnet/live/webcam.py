@@ -1,4 +1,4 @@
-"""An ordinary camera's frames through the simulator: events for everybody who has a webcam.
+"""An ordinary camera's frames through the simulator: events without an event camera.
 
 `PushedFrames` takes frames from anywhere (a page's webcam); `webcam` reads one on this machine.
 """

@@ -129,7 +129,7 @@ def test_a_sender_that_breaks_off_within_an_event_leaves_no_half_event():
 
 def test_nobody_sends_is_a_sentence():
     stream = _tcp(stated=None)
-    with pytest.raises(RecordingError, match="nobody sent anything; start the sender"):
+    with pytest.raises(RecordingError, match="nothing was sent; start the sender"):
         stream.stream(patience=0.05)
     stream.close()
 

@@ -1,6 +1,6 @@
 """An HDF5 file that can be killed while it is written and still opens as it was at its last commit.
 
-HDF5 overwrites its own tables in place, so a process that dies in between leaves a file that nobody can read. Here what
+HDF5 overwrites its own tables in place, so a process that dies in between leaves a file that cannot be read. Here what
 is new goes to the end of the file, where nothing points yet, and what is overwritten waits until `commit`. It is then
 written to a journal beside the file first, which `restore` plays again if the process died while it was at it.
 """
