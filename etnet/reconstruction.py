@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import torch
 from jaxtyping import Float
@@ -29,10 +29,15 @@ def window_events(recording: Recording, window: Window, edit: EventEdit = UNEDIT
     return edit.applied(recording.read(window.start, window.stop), window.start)
 
 
-def reconstruct(model: Reconstructor, recording: Recording, policy: Policy) -> Iterator[tuple[Window, Step]]:
-    """Every window of `recording` in order, from a cold start, with the step that `model` makes of it."""
+def reconstruct(
+    model: Reconstructor, recording: Recording, windows: Policy | Sequence[Window]
+) -> Iterator[tuple[Window, Step]]:
+    """Every window of `recording` in order, from a cold start, with the step that `model` makes of it.
+
+    `windows`: the policy that plans them, or windows that were cut before.
+    """
     state = None
-    for window in plan_windows(recording, policy):
+    for window in windows if isinstance(windows, Sequence) else plan_windows(recording, windows):
         voxel = window_voxel(model, recording, window)[None]
         with torch.inference_mode():
             step = model(voxel, state)

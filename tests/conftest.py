@@ -16,7 +16,15 @@ from tests.real_data import DATA
 
 # Shapes and types of every annotated function below are checked at each call.
 install_import_hook(
-    ["etnet.events", "etnet.inspection", "etnet.nets", "etnet.playback", "etnet.reconstruction", "etnet.simulation"],
+    [
+        "etnet.events",
+        "etnet.inspection",
+        "etnet.live",
+        "etnet.nets",
+        "etnet.playback",
+        "etnet.reconstruction",
+        "etnet.simulation",
+    ],
     f"{typecheck.__name__}.enforced",
 )
 

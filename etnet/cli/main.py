@@ -13,6 +13,7 @@ from etnet.errors import EtnetError
 
 _COMMANDS: dict[str, tuple[str, str]] = {
     "reconstruct": ("etnet.cli.reconstruct", "Reconstruct"),
+    "record": ("etnet.cli.record", "Record"),
     "inspect": ("etnet.cli.inspect", "Inspect"),
     "convert-events": ("etnet.cli.convert_events", "ConvertEvents"),
     "cut": ("etnet.cli.cut", "Cut"),

@@ -9,6 +9,9 @@ from typing import Annotated, Literal
 
 import tyro
 
+from etnet.cli.live import ReconstructLive
+from etnet.cli.live import run as run_live
+from etnet.cli.live_frames import run_as_cut
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
@@ -18,7 +21,11 @@ from etnet.windows import Window, plan_windows
 
 @dataclass(frozen=True)
 class Reconstruct:
-    """Turn a recording into frames: PNG files, a table of their stamps, and a video."""
+    """Turn a recording into frames: PNG files, a table of their stamps, and a video.
+
+    With --live a camera, a stream or a replayed recording takes the file's place (`etnet reconstruct --live --help`);
+    of what was recorded then, `--windows as-cut` gives the live frames again.
+    """
 
     file: tyro.conf.Positional[Path]
     """A recording: a file, a folder or a zip."""
@@ -37,10 +44,21 @@ class Reconstruct:
     """The video's speed, as a share of real time."""
 
 
-def run(config: Reconstruct) -> int:
+def parse(arguments: Sequence[str], program: str) -> Reconstruct | ReconstructLive:
+    """The command line; `--live` makes it another command."""
+    is_live = any(argument.partition("=")[0] == "--live" for argument in arguments)
+    return tyro.cli(ReconstructLive if is_live else Reconstruct, prog=program, args=list(arguments))
+
+
+def run(config: Reconstruct | ReconstructLive) -> int:
     """Do it; returns the exit code."""
     from etnet.nets.weights import load_model
 
+    if isinstance(config, ReconstructLive):
+        return run_live(config)
+    if config.windows == "as-cut":
+        places = config.file, config.opening, config.out
+        return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
     with open_with_progress(config.file, config.opening) as recording:
         for remark in recording.remarks:
             console.print(f"[dim]{remark}[/dim]")

@@ -15,6 +15,7 @@ from jaxtyping import Float32, Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.opened_as import OpenedAs
+from etnet.events.triggers import Triggers
 
 INDEX_BLOCK = 65_536
 """Events between two stamps that `index_at` remembers."""
@@ -154,6 +155,8 @@ class Recording:
     ground_truth: GroundTruth | None = None
     path: Path | None = None
     inertial: Inertial | None = None
+    triggers: Triggers | None = None
+    """Edges on the camera's trigger inputs."""
     opened_as: OpenedAs | None = None
     """How the file at `path` gives these events again; `None` where they lie in memory or were simulated."""
     growth: Growth | None = None

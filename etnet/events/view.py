@@ -16,7 +16,7 @@ from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.opened_as import WHOLE_VIEW, View
-from etnet.events.recording import Bracketing, EventSource, GroundTruth, Span
+from etnet.events.recording import Bracketing, EventSource, GroundTruth, Recording, Span
 
 REGION_BLOCK = 65_536
 """Events of the file between two entries of a region's index."""
@@ -171,6 +171,19 @@ def seen_through(view: View, opened: Opened, request: Request) -> Opened:
         remarks=tuple(remarks.kept),
         ground_truth=truth,
     )
+
+
+def seen_whole(view: View, recording: Recording) -> Recording:
+    """`recording` as a view without a region shows it: no pass over its events, so it may still be growing."""
+    if view.region is not None:
+        raise RecordingError(f"{recording.name}: a region needs a whole recording; open the file with it")
+    placement = _Placement(view, (0, 0, recording.sensor.width, recording.sensor.height))
+    truth = recording.ground_truth
+    if truth is not None:
+        read_frame = truth.read_frame
+        truth = GroundTruth(truth.stamps, lambda i: placement.frame(read_frame(i)))
+    source = _PlacedSource(recording.source, placement)
+    return replace(recording, source=source, sensor=placement.sensor, ground_truth=truth)
 
 
 def _cut(opened: Opened, region: tuple[int, int, int, int], request: Request) -> tuple[EventSource, Span]:

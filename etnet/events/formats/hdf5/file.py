@@ -10,6 +10,7 @@ import hdf5plugin  # noqa: F401  (registers Blosc, zstd and LZ4 with the HDF5 li
 from etnet.errors import RecordingError
 from etnet.events.formats.archive import FREE_SIZE, MAX_RATIO
 from etnet.events.formats.base import Remarks, Request, contained
+from etnet.events.formats.hdf5.journal import restore
 
 LARGEST_CHUNK = 1 << 28
 """Bytes that one HDF5 chunk may unpack to."""
@@ -22,6 +23,7 @@ def open_file(request: Request) -> h5py.File:
     file system or another reader does not allow that.
     """
     with contained(request.name, "the HDF5 file"):
+        restore(request.path)
         try:
             file = h5py.File(request.path, "r")
         except OSError as error:

@@ -1,0 +1,229 @@
+"""`etnet reconstruct --live SOURCE`: frames of a camera, a stream or a replayed recording while its events come."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+from typing import Annotated, Literal
+
+import tyro
+
+from etnet.cli.policy import parse_policy
+from etnet.cli.progress import console
+from etnet.errors import RecordingError
+from etnet.live.buffer import Keep
+from etnet.live.layouts import LayoutName
+from etnet.live.open import SourceOptions, open_source, parsed_sensor
+from etnet.live.rate import Band, RateFollower
+from etnet.live.record import Recorder, check_recordable
+from etnet.live.recording import LiveRecording
+
+MEASURED_SECONDS = 0.5
+"""Of events that the rate is measured over before windows are chosen."""
+
+
+@dataclass(frozen=True)
+class LiveOptions:
+    """How a live source is taken."""
+
+    sensor: str | None = None
+    """WIDTHxHEIGHT of a stream that does not tell it."""
+    layout: LayoutName | None = None
+    """Of a stream: es (Event Stream), t64_x16_y16_on8 or t32_x16_y15_on1 (faery's)."""
+    speed: float = 1.0
+    """Of a replayed recording; 0 is as fast as it goes."""
+    loop: bool = False
+    """Replay again and again."""
+    keep: str = "60s,512MB"
+    """How much is held: seconds, MB, or both."""
+    rate: tuple[float, float] | None = None
+    """Lowest and highest Mev/s: the biases of an EVK4 or DAVIS346 follow to stay between."""
+    seconds: float | None = None
+    """End after so long; default: when the source ends, or at Ctrl+C."""
+
+    def source_options(self) -> SourceOptions:
+        """What the source needs of it."""
+        sensor = None if self.sensor is None else parsed_sensor(self.sensor)
+        return SourceOptions(sensor, self.layout, self.speed, self.loop)
+
+
+@dataclass(frozen=True)
+class ReconstructLive:
+    """Turn what a camera sees into frames while it sees it: PNG files and a table of their stamps."""
+
+    live: str
+    """camera, davis346, evk4 …, stdin, tcp:PORT, udp:PORT, webcam, or a recording to replay."""
+    out: Path = Path("reconstruction")
+    """Folder for frames/ and stamps.csv."""
+    record: Path | None = None
+    """Also record the events: .aedat4 or .h5."""
+    overwrite: bool = False
+    """Replace the recorded file if it is there."""
+    model: str = "etnet-half"
+    """A bundled model's name, or a weights file."""
+    windows: str | None = None
+    """count=10000, density=0.35 or duration=20ms; default: chosen so that a step fits."""
+    downsample: Literal["auto", "1", "2", "4"] = "auto"
+    """Join so many pixels a side for the network; auto joins above 346×260."""
+    device: str = "cpu"
+    precision: Literal["fp32", "bf16", "auto"] = "fp32"
+    gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
+    """Display gamma of the PNGs; default: what the model's card says."""
+    options: Annotated[LiveOptions, tyro.conf.arg(name="")] = field(default_factory=LiveOptions)
+
+
+def run(config: ReconstructLive) -> int:
+    """Do it; returns the exit code."""
+    from etnet.live.pace import fitting_downsample
+    from etnet.nets.weights import load_model
+
+    if config.record is not None:
+        check_recordable(config.record, config.overwrite)
+    model = load_model(config.model, config.device, config.precision)
+    with ExitStack() as stack:
+        is_stopped = stack.enter_context(stopping(config.options.seconds))
+        live = stack.enter_context(opened(config.live, config.options, is_stopped))
+        downsample = fitting_downsample(live.sensor)
+        if config.downsample != "auto":
+            downsample = {"1": 1, "2": 2, "4": 4}[config.downsample]
+        num_frames = _reconstruct(config, stack, live, model, downsample, is_stopped)
+    console.print(f"wrote {num_frames} frames to {config.out}", markup=False, soft_wrap=True)
+    return 0 if num_frames else 1
+
+
+def _reconstruct(
+    config: ReconstructLive, stack: ExitStack, live: LiveRecording, model, downsample, is_stopped: Event
+) -> int:
+    from etnet.cli.live_frames import FrameFolder
+    from etnet.events.events import Sensor
+    from etnet.live.pace import fitting_policy, measured_step
+    from etnet.live.reconstruct import reconstruct_live
+    from etnet.live.windows import LiveWindows
+
+    seen = Sensor(-(-live.sensor.width // downsample), -(-live.sensor.height // downsample))
+    step_seconds = measured_step(model, seen) if config.windows is None else 0.0
+    recorder = None
+    if config.record is not None:
+        recorder = stack.enter_context(Recorder(live, config.record, first=0, overwrite=config.overwrite))
+    live.start()
+    if config.windows is None:
+        pace = fitting_policy(step_seconds, _rate(live, is_stopped), seen)
+        policy, said = pace.policy, pace.said
+    else:
+        policy, said = parse_policy(config.windows), f"windows {config.windows}"
+    binned = f", {downsample}×{downsample} pixels joined to {seen}" if downsample > 1 else ""
+    console.print(f"{live.source.name}: {live.sensor}{binned}; {said}", markup=False, soft_wrap=True)
+    windows = LiveWindows(live, policy, seen)
+    if recorder is not None:
+        recorder.follow(windows.kept, repr(policy), downsample)
+    told = Teller(live)
+    with FrameFolder(config.out, model, config.gamma) as folder:
+        for live_step in reconstruct_live(model, windows, downsample, is_stopped.is_set):
+            folder.add(live_step.window, live_step.step.frame, live_step.num_merged)
+            told.tell(f"{_behind(live_step.behind)}, {windows.num_merged} windows merged")
+    told.tell(f"{windows.num_merged} windows merged, {windows.num_unseen} events unseen", is_last=True)
+    return len(windows.kept)
+
+
+@contextmanager
+def opened(text: str, options: LiveOptions, is_stopped: Event) -> Iterator[LiveRecording]:
+    """The live recording of a source, to be started."""
+    keep = parsed_keep(options.keep)
+    source = open_source(
+        text,
+        options.source_options(),
+        is_stopped.is_set,
+        lambda said: console.print(said, markup=False, soft_wrap=True),
+    )
+    try:
+        follower = None
+        if options.rate is not None:
+            lowest, highest = (1e6 * limit for limit in options.rate)
+            follower = RateFollower(getattr(source, "kind", source.format), Band(lowest, highest))
+        live = LiveRecording(source, keep, follower)
+    except BaseException:
+        source.close()
+        raise
+    try:
+        yield live
+    finally:
+        live.stop()
+
+
+@contextmanager
+def stopping(seconds: float | None) -> Iterator[Event]:
+    """An event that Ctrl+C, a request to end, or the time sets: what was begun is finished then."""
+    stopped = Event()
+    before = {number: signal.signal(number, lambda *_: stopped.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    timer = None
+    if seconds is not None:
+        from threading import Timer
+
+        timer = Timer(seconds, stopped.set)
+        timer.daemon = True
+        timer.start()
+    try:
+        yield stopped
+    finally:
+        if timer is not None:
+            timer.cancel()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def parsed_keep(text: str) -> Keep:
+    """60s, 512MB, or both with a comma between."""
+    keep = {"seconds": 60.0, "num_bytes": 512 << 20}
+    for part in text.split(","):
+        found = re.fullmatch(r"([0-9.]+)\s*(s|MB)", part.strip())
+        try:
+            value = float(found[1]) if found else -1.0
+        except ValueError:
+            value = -1.0
+        if found is None or value < 0:
+            raise RecordingError(f"--keep {text!r} is not understood; write 60s, 512MB or 60s,512MB")
+        keep["seconds" if found[2] == "s" else "num_bytes"] = value if found[2] == "s" else int(value * (1 << 20))
+    return Keep(float(keep["seconds"]), int(keep["num_bytes"]))
+
+
+class Teller:
+    """Prints new notes as they come, and a line about the state once a second."""
+
+    def __init__(self, live: LiveRecording) -> None:
+        self._live, self._told, self._last = live, 0, time.monotonic()
+
+    def tell(self, state: str, is_last: bool = False) -> None:
+        """Notes at once; the state if a second has gone by."""
+        self._told, notes = self._live.notes_from(self._told)
+        for note in notes:
+            console.print(f"  {note.stamp / 1e6:.1f} s: {note.text}", markup=False, soft_wrap=True)
+        if not is_last and time.monotonic() - self._last < 1.0:
+            return
+        self._last = time.monotonic()
+        extent, loss = self._live.extent(), self._live.loss
+        seconds = ((extent.until or 0) - (extent.first_stamp or 0)) / 1e6
+        lost = f", {loss.packets} packets lost" if loss.packets else ""
+        console.print(f"  {seconds:.1f} s, {extent.num_events:,} events, {state}{lost}", markup=False, soft_wrap=True)
+
+
+def _behind(seconds: float | None) -> str:
+    return "far behind" if seconds is None else f"{1000 * seconds:.0f} ms behind"
+
+
+def _rate(live: LiveRecording, is_stopped: Event) -> float:
+    """Events a second over the first moments."""
+    until = time.monotonic() + 10
+    while not (is_stopped.is_set() or live.is_over) and time.monotonic() < until:
+        extent = live.extent()
+        if extent.until is not None and extent.first_stamp is not None:
+            seconds = (extent.until - extent.first_stamp) / 1e6
+            if seconds >= MEASURED_SECONDS:
+                return extent.num_events / seconds
+        is_stopped.wait(0.05)
+    return 0.0

@@ -1,0 +1,153 @@
+"""An HDF5 file that can be killed while it is written and still opens as it was at its last commit.
+
+HDF5 overwrites its own tables in place, so a process that dies in between leaves a file that cannot be read. Here what
+is new goes to the end of the file, where nothing points yet, and what is overwritten waits until `commit`. It is then
+written to a journal beside the file first, which `restore` plays again if the process died while it was at it.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+import zlib
+from pathlib import Path
+
+from etnet.errors import RecordingError
+
+_MAGIC = b"etnetH5J"
+_LARGEST = 1 << 30
+
+
+def journal_of(path: Path) -> Path:
+    """Where the journal of a file lies while there is one."""
+    return path.with_name(path.name + ".journal")
+
+
+class CommittedFile(io.RawIOBase):
+    """What h5py takes in place of a path. Only `commit` changes what an earlier commit wrote."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o644)
+        journal_of(path).unlink(missing_ok=True)
+        self._place, self._size, self._committed = 0, 0, 0
+        self._waiting: dict[tuple[int, int], bytes] = {}
+
+    def readable(self) -> bool:
+        """HDF5 reads its own tables back."""
+        return True
+
+    def writable(self) -> bool:
+        """It is there to be written."""
+        return True
+
+    def seekable(self) -> bool:
+        """HDF5 jumps."""
+        return True
+
+    def seek(self, place: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place."""
+        self._place = place + {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
+        return self._place
+
+    def tell(self) -> int:
+        """The place."""
+        return self._place
+
+    def truncate(self, size: int | None = None) -> int:
+        """The size that HDF5 wants; the file itself gets it with the next commit."""
+        self._size = self._place if size is None else size
+        return self._size
+
+    def readinto(self, buffer) -> int:
+        """What was written last, whether it waits or not."""
+        view = memoryview(buffer).cast("B")
+        start, stop = self._place, self._place + len(view)
+        content = os.pread(self._file, len(view), start).ljust(len(view), b"\0")
+        view[:] = content
+        for (place, length), waiting in self._waiting.items():
+            first, last = max(start, place), min(stop, place + length)
+            if first < last:
+                view[first - start : last - start] = waiting[first - place : last - place]
+        self._place = stop
+        return len(view)
+
+    def write(self, content) -> int:
+        """New bytes go to the file, bytes in place of committed ones wait."""
+        data = bytes(content)
+        old = max(0, min(self._committed - self._place, len(data)))
+        if old:
+            key = self._place, old
+            self._waiting.pop(key, None)  # so that the last one written is the last one applied
+            self._waiting[key] = data[:old]
+        if old < len(data):
+            _write_all(self._file, data[old:], self._place + old)
+        self._place += len(data)
+        self._size = max(self._size, self._place)
+        return len(data)
+
+    def flush(self) -> None:
+        """Nothing yet: see `commit`."""
+
+    def commit(self) -> None:
+        """From here on the file is what HDF5 wrote up to now. Call it when HDF5 has flushed."""
+        if self._waiting:
+            journal = journal_of(self._path)
+            unfinished = journal.with_name(journal.name + ".part")
+            parts = [struct.pack("<QQ", *key) + content for key, content in self._waiting.items()]
+            body = struct.pack("<QQ", self._size, len(parts)) + b"".join(parts)
+            unfinished.write_bytes(_MAGIC + body + struct.pack("<I", zlib.crc32(body)))
+            os.replace(unfinished, journal)
+            for (place, _), content in self._waiting.items():
+                _write_all(self._file, content, place)
+            self._waiting.clear()
+            journal.unlink()
+        self._committed = self._size
+
+    def close(self) -> None:
+        """Commit what HDF5 wrote when it closed, and close the file."""
+        if not self.closed:
+            try:
+                self.commit()
+                os.ftruncate(self._file, self._size)
+            finally:
+                os.close(self._file)
+                super().close()
+
+
+def restore(path: Path) -> bool:
+    """Finish the commit in which the writer of `path` died, if it did; whether there was one."""
+    journal = journal_of(path)
+    if not journal.is_file():
+        return False
+    try:
+        if journal.stat().st_size > _LARGEST:
+            raise RecordingError(f"{journal.name}: a journal of more than {_LARGEST >> 20} MB; remove it")
+        content = journal.read_bytes()
+        body, check = content[len(_MAGIC) : -4], content[-4:]
+        if content[: len(_MAGIC)] != _MAGIC or len(check) < 4 or zlib.crc32(body) != struct.unpack("<I", check)[0]:
+            return False
+        _, num_parts = struct.unpack_from("<QQ", body)
+        place = 16
+        with path.open("r+b") as file:
+            for _ in range(num_parts):
+                at, length = struct.unpack_from("<QQ", body, place)
+                file.seek(at)
+                file.write(body[place + 16 : place + 16 + length])
+                place += 16 + length
+        journal.unlink(missing_ok=True)
+    except (OSError, struct.error) as error:
+        raise RecordingError(
+            f"{path.name}: its writer was stopped, and {journal.name} cannot be played again ({error}); "
+            "copy both to a folder where they can be written"
+        ) from error
+    return True
+
+
+def _write_all(file: int, content: bytes, place: int) -> None:
+    view = memoryview(content)
+    while view:
+        written = os.pwrite(file, view, place)
+        view, place = view[written:], place + written

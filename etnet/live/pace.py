@@ -1,0 +1,74 @@
+"""Keeping up: how long a step takes on this machine, and the windows and the binning that fit it."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+
+from etnet.events.events import Sensor
+from etnet.live.binning import Downsample
+from etnet.nets.base import Reconstructor
+from etnet.nets.runtime import device_of
+from etnet.windows import ByDensity, ByDuration, Policy
+
+DENSITY = 0.35
+"""Events per pixel and window that networks are trained with."""
+DENSEST = 1.0
+"""Events per pixel and window up to which they do well."""
+SPARE = 1.25
+"""Windows last so much longer than a step, so that a busy moment is made up for."""
+LARGEST = Sensor(346, 260)
+"""Sensors above this size are binned for the network unless asked otherwise."""
+_STEPS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """The windows that fit, and why."""
+
+    policy: Policy
+    step_seconds: float
+    said: str
+
+
+def fitting_downsample(sensor: Sensor) -> Downsample:
+    """How many pixels a side become one, so that the network sees at most 346×260 of them (4 at most)."""
+    factors: tuple[Downsample, ...] = (1, 2)
+    for factor in factors:
+        if -(-sensor.width // factor) <= LARGEST.width and -(-sensor.height // factor) <= LARGEST.height:
+            return factor
+    return 4
+
+
+def measured_step(model: Reconstructor, sensor: Sensor, clock: Callable[[], float] = time.perf_counter) -> float:
+    """Seconds of one step at this size: the median of a few, after one that warms up."""
+    rng = torch.Generator().manual_seed(0)
+    voxel = torch.randn(1, model.bins, sensor.height, sensor.width, generator=rng).to(device_of(model))
+    state, seconds = None, []
+    with torch.inference_mode():
+        for _ in range(_STEPS + 1):
+            began = clock()
+            step = model(voxel, state)
+            step.frame[..., 0, 0].cpu()  # waits for a GPU
+            state = step.state
+            seconds.append(clock() - began)
+    return statistics.median(seconds[1:])
+
+
+def fitting_policy(step_seconds: float, events_per_second: float, sensor: Sensor) -> Pace:
+    """Windows by density as networks are trained, denser where events come too fast for that, by duration beyond it."""
+    fits = SPARE * step_seconds
+    density = events_per_second * fits / sensor.num_pixels
+    said = f"a step takes {1000 * step_seconds:.0f} ms at {sensor}"
+    rate = f"{events_per_second / 1e6:.2f} Mev/s"
+    if density <= DENSITY:
+        return Pace(ByDensity(DENSITY), step_seconds, f"{said}: windows of {DENSITY} events per pixel")
+    if density <= DENSEST:
+        rounded = round(density + 0.005, 2)
+        return Pace(ByDensity(rounded), step_seconds, f"{said}, {rate}: windows of {rounded:g} events per pixel")
+    milliseconds = max(5, -(-round(1000 * fits) // 5) * 5)
+    return Pace(ByDuration(1000 * milliseconds), step_seconds, f"{said}, {rate}: windows of {milliseconds} ms")

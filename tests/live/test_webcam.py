@@ -1,0 +1,54 @@
+"""A webcam's frames through the simulator: events for everybody."""
+
+import numpy as np
+import pytest
+
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+from etnet.live.recording import LiveRecording
+from etnet.live.simulated import SimulatedSensor
+from etnet.live.webcam import MOST_WAITING, PushedFrames
+from etnet.simulation.video import VideoConfig
+from tests.live.sources import wait_for
+
+SENSOR = Sensor(32, 24)
+
+
+class Silent:
+    """Gives no events."""
+
+    def expose(self, grey, t):
+        return Events.empty(SENSOR)
+
+
+def _frame(shift: int) -> np.ndarray:
+    return np.roll(np.tile(np.repeat(np.array([40, 200], np.uint8), 4), 4)[None].repeat(24, 0), shift, 1)
+
+
+def test_frames_that_move_become_events_with_the_frames_beside():
+    source = PushedFrames("webcam 0", SENSOR, SimulatedSensor(SENSOR, VideoConfig(noise=0)))
+    with LiveRecording(source) as live:
+        for number in range(10):
+            source.show(_frame(number), 40_000.0 * number)
+            wait_for(lambda number=number: (live.extent().until or 0) >= 40_000 * number and not source._waiting)
+        recording = live.wait(100)
+        events = recording.read(0, recording.num_events)
+        assert (np.diff(events.t) >= 0).all()
+        assert set(np.unique(events.p)) == {-1, 1}
+        assert recording.ground_truth is not None
+        assert recording.ground_truth.stamps[1] == 40_000
+
+
+def test_frames_that_come_too_fast_are_left_out_and_counted():
+    source = PushedFrames("page", SENSOR, Silent())
+    for number in range(MOST_WAITING + 3):
+        source.show(_frame(number), 1000.0 * number)
+    source.close()
+    live = LiveRecording(source).start()
+    wait_for(lambda: live.is_over)
+    assert live.loss.packets == 3
+
+
+def test_a_frame_of_another_size_is_refused():
+    with pytest.raises(RecordingError, match="a frame of 10×10; wanted 32×24"):
+        PushedFrames("page", SENSOR, Silent()).show(np.zeros((10, 10), np.uint8), 0.0)
