@@ -87,16 +87,21 @@ def _panel(moment: Moment, name: PanelName, look: Look) -> Picture:
 
 
 def _stamped(picture: Picture, moment: Moment, num_windows: int) -> Picture:
-    """A strip below the picture, so that no pixel of it is hidden. Its letters shrink until the line fits."""
+    """A strip below the picture, so that no pixel of it is hidden. Its letters shrink until the line fits.
+
+    Its height follows from the picture's width alone, so that all pictures of a take have one size.
+    """
     width = picture.shape[1]
     line = f"{moment.seconds:.3f} s   {moment.window.index + 1}/{num_windows}   {moment.window.num_events:,} events"
     size = 0.6
     while size > 0.3 and cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] > width - 8:
         size -= 0.05
-    height = round(40 * size)
+    height = round(min(max(width / 10, 12), 24))
     strip = np.full((height, width, *picture.shape[2:]), GROUND[0], np.uint8)
     if picture.ndim == 3:
         strip[:] = GROUND
     colour = STAMP_COLOUR if picture.ndim == 3 else STAMP_COLOUR[:1]
-    cv2.putText(strip, line, (4, round(height * 0.7)), cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    cv2.putText(
+        strip, line, (4, round((height + 14 * size) / 2)), cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA
+    )
     return np.concatenate([picture, strip], axis=0)
