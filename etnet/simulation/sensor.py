@@ -13,6 +13,9 @@ from etnet.events.events import Events, Sensor
 from etnet.simulation.config import SensorConfig
 from etnet.simulation.draw import log_uniform
 
+_SLOWEST = 20 / 255
+"""Light that is added before bandwidth is scaled with it, as in v2e's emulator: a black pixel still follows, slowly."""
+
 
 @dataclass(frozen=True, slots=True)
 class SensorTraits:
@@ -29,6 +32,9 @@ class SensorTraits:
     low_pass_us: float = 0.0
     lag_us: float = 0.0
     dark: float = 0.01
+    cutoff_hz: float = 0.0
+    """Bandwidth of a white pixel's photoreceptor; a darker one is slower in proportion to its light, as in v2e (Hu et
+    al. 2021, §3.1), down to a fourteenth. 0: none. It stands beside `low_pass_us`, which is the same for all light."""
 
 
 def draw_traits(config: SensorConfig, rng: np.random.Generator) -> SensorTraits:
@@ -93,11 +99,29 @@ class PixelArray:
 
     def expose(self, light: Float32[np.ndarray, "h w"], t: float) -> Crossings:
         """Show `light` at time `t` (µs) and collect the events since the exposure before."""
+        return self._advance(self._log(light), light, t)
+
+    def expose_level(self, level: Float32[np.ndarray, "h w"], t: float) -> Crossings:
+        """The same for log(light + dark); `level` is not kept and not changed."""
+        light = None
+        if self._traits.cutoff_hz > 0:
+            light = cv2.exp(level) - np.float32(self._traits.dark)
+        return self._advance(level.copy(), light, t)
+
+    def _advance(
+        self, target: Float32[np.ndarray, "h w"], light: Float32[np.ndarray, "h w"] | None, t: float
+    ) -> Crossings:
+        """Let the signal go to `target`, which becomes the pixels' own."""
         before, elapsed = self._level, t - self._t
-        target = self._log(light)
         if self._traits.low_pass_us > 0:
             target -= before
             target *= np.float32(-np.expm1(-elapsed / self._traits.low_pass_us))
+            target += before
+        if self._traits.cutoff_hz > 0 and light is not None:
+            speed = (np.clip(light, 0, 1) + np.float32(_SLOWEST)) / np.float32(1 + _SLOWEST)
+            speed *= np.float32(-2 * np.pi * self._traits.cutoff_hz * elapsed * 1e-6)
+            target -= before
+            target *= 1 - cv2.exp(speed)
             target += before
         if self._traits.leak_hz > 0:
             self.reference -= np.float32(self._traits.leak_hz * elapsed * 1e-6) * self.threshold_on

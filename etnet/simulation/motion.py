@@ -1,0 +1,143 @@
+"""Frames between two frames: optical flow both ways (DIS, Kroeger et al. 2016), checked, warped and blended.
+
+What is blended is log intensity, because that is what an event pixel compares. Everything is a pure function of the two
+frames: no random number, and no result that depends on the number of threads (`tests/simulation/test_motion.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+SMALLEST_SIDE = 24
+"""Pixels a side below which no flow is looked for."""
+_SLACK, _SLACK_SHARE = 0.5, 0.1
+"""Pixels, and share of the displacement, by which forward and backward flow may miss each other."""
+_FAITH = 1e-3
+"""Weight of a source that the check rejects, where the other is rejected too."""
+_ENOUGH = 4.0
+"""1 ÷ the trust below which the straight line begins to take over."""
+CUT_FAILED, CUT_CHANGED = 0.5, 0.35
+"""A cut: flow fails in more than this share of the picture, and this share of its grey values differs."""
+
+Level = Float32[np.ndarray, "h w"]
+Flow = Float32[np.ndarray, "h w 2"]
+Guide = UInt8[np.ndarray, "h w"]
+
+
+class Between(Protocol):
+    """What lies between two frames. `motion`: pixels that all but half a percent of the picture stay below.
+    `failed`: share of the picture where no motion was found and a straight line is taken."""
+
+    motion: float
+    failed: float
+
+    def level(self, share: float) -> Level:
+        """Log intensity at a share of the way, 0 < share < 1."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Straight:
+    """Each pixel's log intensity runs straight from one frame to the next."""
+
+    before: Level
+    after: Level
+    motion: float = 0.0
+    failed: float = 0.0
+
+    def level(self, share: float) -> Level:
+        """The straight line's value."""
+        return cv2.addWeighted(self.before, 1 - share, self.after, share, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """Both frames moved along the flow to a moment between, and blended. Build it with `motion_between`."""
+
+    before: Level
+    after: Level
+    forward: Float32[np.ndarray, "h w 3"]
+    """Flow from the first frame to the second (x, y in pixels), and how far it is believed (0 … 1)."""
+    backward: Float32[np.ndarray, "h w 3"]
+    motion: float
+    failed: float
+
+    def level(self, share: float) -> Level:
+        """Each source weighs by its nearness in time and by whether its pixel is seen in the other frame."""
+        rest = 1.0 - share
+        place0, trust0 = _places(self.forward, -share)
+        place1, trust1 = _places(self.backward, -rest)
+        moved0 = cv2.remap(self.before, place0, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+        moved1 = cv2.remap(self.after, place1, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+        weight0 = (trust0 + np.float32(_FAITH)) * np.float32(rest)
+        weight1 = (trust1 + np.float32(_FAITH)) * np.float32(share)
+        blended = (weight0 * moved0 + weight1 * moved1) / (weight0 + weight1)
+        straight = cv2.addWeighted(self.before, rest, self.after, share, 0)
+        return straight + _believed(trust0, trust1) * (blended - straight)
+
+
+def motion_between(before: Level, after: Level, guides: tuple[Guide, Guide], flows: tuple[Flow, Flow]) -> Moving:
+    """Check the two flows against each other and keep what is needed to go from one frame to the next."""
+    forward, backward = (_checked(*pair) for pair in (flows, flows[::-1]))
+    length = cv2.magnitude(flows[0][..., 0], flows[0][..., 1])
+    failed = float(np.mean(1 - _believed(forward[..., 2], backward[..., 2])))
+    return Moving(before, after, forward, backward, float(np.quantile(length, 0.995)), failed)
+
+
+def flow_between(first: Guide, second: Guide) -> Flow:
+    """Dense flow from the first picture to the second, in pixels."""
+    finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    finder.setFinestScale(0)
+    return finder.calc(first, second, None)  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+
+def guide_of(light: Level) -> Guide:
+    """The picture that motion is looked for in: light in a display's tone, 8 bits."""
+    tone = cv2.pow(np.clip(light, 0, 1), 1 / 2.2)
+    return cv2.convertScaleAbs(tone, alpha=255.0)
+
+
+def is_cut(between: Between, guides: tuple[Guide, Guide]) -> bool:
+    """Whether a new scene begins: no motion explains the change, and its grey values are others."""
+    if between.failed < CUT_FAILED:
+        return False
+    counts = [np.bincount(guide.ravel() >> 3, minlength=32) for guide in guides]
+    return float(np.abs(counts[0] - counts[1]).sum()) / (2 * guides[0].size) > CUT_CHANGED
+
+
+def _checked(there: Flow, back: Flow) -> Float32[np.ndarray, "h w 3"]:
+    """The flow with its trust: near 1 where going there and back ends where it began."""
+    height, width = there.shape[:2]
+    returned = cv2.remap(back, _grid(height, width) + there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+    missed = there + returned
+    slack = cv2.magnitude(there[..., 0], there[..., 1]) * np.float32(_SLACK_SHARE) + np.float32(_SLACK)
+    ratio = cv2.magnitude(missed[..., 0], missed[..., 1]) / slack
+    trust = cv2.exp(-ratio * ratio)
+    return cv2.merge([there[..., 0], there[..., 1], trust])
+
+
+def _believed(trust0: Level, trust1: Level) -> Level:
+    """1 where either source can be trusted, falling to 0 where neither can."""
+    return np.minimum(np.maximum(trust0, trust1) * np.float32(_ENOUGH), np.float32(1))
+
+
+def _places(flow: Float32[np.ndarray, "h w 3"], share: float) -> tuple[Flow, Level]:
+    """Where each pixel of the moment between comes from, and how far that is believed. Two steps of a fixed point."""
+    grid = _grid(*flow.shape[:2])
+    found = flow
+    for _ in range(2):
+        place = cv2.addWeighted(grid, 1.0, np.ascontiguousarray(found[..., :2]), share, 0)
+        found = cv2.remap(flow, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+    return cv2.addWeighted(grid, 1.0, np.ascontiguousarray(found[..., :2]), share, 0), found[..., 2]
+
+
+@lru_cache(maxsize=4)
+def _grid(height: int, width: int) -> Flow:
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    return np.stack([x, y], 2)
