@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -126,7 +126,7 @@ def _writer(
     num_frames = 0
     try:
         with av.open(str(temporary), "w", format=kind.container, container_options=kind.container_options) as output:
-            stream = output.add_stream(kind.codec, rate=rate, options=kind.options)
+            stream = cast("av.VideoStream", output.add_stream(kind.codec, rate=rate, options=kind.options))
             stream.width, stream.height = width + padding[1][1], height + padding[0][1]
             stream.pix_fmt = kind.pixel_format
             brought = _palette(stream.width, stream.height) if kind.pixel_format == "pal8" else None
@@ -152,9 +152,12 @@ def _writer(
 def _palette(width: int, height: int) -> Callable[[av.VideoFrame], Iterator[av.VideoFrame]]:
     """Brings each frame to the 256 colours that suit it best."""
     import av
+    from av.error import BlockingIOError as NotYet
+    from av.error import EOFError as Over
+    from av.filter import Graph
 
-    graph = av.filter.Graph()
-    source = graph.add_buffer(width=width, height=height, format="rgb24", time_base=Fraction(1, 1000))
+    graph = Graph()
+    source = graph.add_buffer(width=width, height=height, format=av.VideoFormat("rgb24"), time_base=Fraction(1, 1000))
     split = graph.add("split")
     made = graph.add("palettegen", "stats_mode=single")
     used = graph.add("paletteuse", "new=1:dither=none")
@@ -175,7 +178,7 @@ def _palette(width: int, height: int) -> Callable[[av.VideoFrame], Iterator[av.V
         while True:
             try:
                 yield graph.pull()  # pyright: ignore[reportReturnType]
-            except (av.error.BlockingIOError, av.error.EOFError):
+            except (NotYet, Over):
                 return
 
     return brought

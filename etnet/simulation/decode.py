@@ -7,19 +7,21 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import av
 import numpy as np
+from av.error import BlockingIOError as NotYet
+from av.error import EOFError as Over
+from av.error import FFmpegError
+from av.filter import Graph
 from jaxtyping import Float32, Shaped, UInt8
 
 from etnet.errors import RecordingError
 from etnet.simulation.footage import Frame, Framing
-from etnet.simulation.tone import Tone, light_table
+from etnet.simulation.tone import Curve, Tone, light_table
 
-if TYPE_CHECKING:
-    import av
-
-_CURVES = {1: "bt709", 6: "bt709", 14: "bt709", 15: "bt709", 8: "linear", 13: "srgb", 16: "pq", 18: "hlg"}
+_CURVES: dict[int, Curve] = dict.fromkeys((1, 6, 14, 15), "bt709")
+_CURVES |= {8: "linear", 13: "srgb", 16: "pq", 18: "hlg"}
 _GAMMAS = {4: 2.2, 5: 2.8}
 """Transfer characteristics of ITU-T H.273, table 3."""
 _FULL = 2
@@ -51,15 +53,13 @@ class VideoFootage:
         drops_repeats: bool = False,
         has_colour: bool = False,
     ) -> None:
-        import av
-
         if not path.is_file():
             raise RecordingError(f"{path.name}: there is no such video")
         self.name, self.remarks = path.name, list[str]()
         self._framing, self._drops_repeats, self._has_colour = framing or Framing(), drops_repeats, has_colour
         try:
             self._container = av.open(str(path))
-        except (av.error.FFmpegError, OSError) as error:
+        except (FFmpegError, OSError) as error:
             raise RecordingError(
                 f"{path.name}: cannot be read as a video ({_reason(error)}); MP4 (H.264) always works"
             ) from error
@@ -74,6 +74,10 @@ class VideoFootage:
             self.close()
             raise RecordingError(f"{path.name}: holds 0 frames that can be read; events need two")
         self._decoded = chain([first], self._decoded)
+        # Taken now: a stream that is asked after its file was closed answers nonsense.
+        rate = self._stream.average_rate or self._stream.guessed_rate or Fraction(25)
+        self.interval = 1e6 / float(rate) / self._framing.speed
+        self.duration = self._stated_seconds() / self._framing.speed
         self.luma = _luma(first, gamma)
         self.tone, self.bits = self.luma.tone, first.format.components[0].bits
         self._turns = round(first.rotation / 90) % 4
@@ -81,26 +85,9 @@ class VideoFootage:
         self.sensor = self._framing.sensor(width, height, self.name)
         self._tell(first)
 
-    @property
-    def interval(self) -> float:
-        """Mean µs between two frames, as the file states it."""
-        rate = self._stream.average_rate or self._stream.guessed_rate or Fraction(25)
-        return 1e6 / float(rate) / self._framing.speed
-
-    @property
-    def duration(self) -> float:
-        """Seconds before the sensor, as the file states it."""
-        seconds = 0.0
-        if self._stream.duration and self._stream.time_base:
-            seconds = float(self._stream.duration * self._stream.time_base)
-        elif self._container.duration:
-            seconds = self._container.duration / 1e6
-        stop = min(self._framing.stop or seconds, seconds) if seconds else self._framing.stop or 0.0
-        return max(stop - self._framing.start, self.interval * self._framing.speed / 1e6) / self._framing.speed
-
     def __iter__(self) -> Iterator[Frame]:
         origin: float | None = None
-        before: Shaped[np.ndarray, "h w"] | None = None
+        before: np.ndarray | None = None
         last, shortest, longest, num_frames, num_repeats, num_dropped = -1.0, np.inf, 0.0, 0, 0, 0
         for picture in self._decoded:
             t = self._time(picture, last)
@@ -134,8 +121,6 @@ class VideoFootage:
 
     def _pictures(self) -> Iterator[av.VideoFrame]:
         """Decoded, de-interlaced where the first frame is interlaced; ends where the file breaks off."""
-        import av
-
         deinterlace, num_frames = None, 0
         if self._framing.start > 1 and self._stream.time_base:
             began = self._stream.start_time or 0
@@ -147,12 +132,22 @@ class VideoFootage:
                     self.remarks.append("interlaced: each field became a frame (bwdif)")
                 num_frames += 1
                 yield from [picture] if deinterlace is None else deinterlace.take(picture)
-        except (av.error.FFmpegError, OSError) as error:
+        except (FFmpegError, OSError) as error:
             if num_frames == 0:
                 raise RecordingError(f"{self.name}: cannot be read as a video ({_reason(error)})") from error
             self.remarks.append(f"breaks off after {num_frames} frames ({_reason(error)}); what came before is used")
         if deinterlace is not None:
             yield from deinterlace.take(None)
+
+    def _stated_seconds(self) -> float:
+        """Length of the part that is seen, as the file states it; at least one frame's."""
+        seconds = 0.0
+        if self._stream.duration and self._stream.time_base:
+            seconds = float(self._stream.duration * self._stream.time_base)
+        elif self._container.duration:
+            seconds = self._container.duration / 1e6
+        stop = min(self._framing.stop or seconds, seconds) if seconds else self._framing.stop or 0.0
+        return max(stop - self._framing.start, self.interval * self._framing.speed / 1e6)
 
     def _time(self, picture: av.VideoFrame, last: float) -> float:
         if picture.time is None:
@@ -163,14 +158,14 @@ class VideoFootage:
         began = self._stream.start_time
         return picture.time - (float(began * self._stream.time_base) if began and self._stream.time_base else 0.0)
 
-    def _grey(self, picture: av.VideoFrame) -> Shaped[np.ndarray, "h w"]:
+    def _grey(self, picture: av.VideoFrame) -> Shaped[np.ndarray, "_ _"]:
         if not self.luma.is_plane:
             picture = picture.reformat(format="gray16le", dst_color_range=_FULL)
         plane, kind = picture.planes[0], np.dtype(np.uint8 if self.luma.bits == 8 else "<u2")
-        rows = np.frombuffer(plane, np.uint8).reshape(-1, abs(plane.line_size))[: picture.height]
+        rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, abs(plane.line_size))[: picture.height]
         return rows[:, : picture.width * kind.itemsize].copy().view(kind)
 
-    def _light(self, grey: Shaped[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    def _light(self, grey: Shaped[np.ndarray, "_ _"]) -> Float32[np.ndarray, "h w"]:
         light = light_table(self.luma.tone, self.luma.bits, self.luma.is_limited)[grey]
         return self._framing.applied(np.rot90(light, self._turns), self.sensor, self.name)
 
@@ -210,9 +205,7 @@ class _Deinterlacer:
     """Makes a frame of each field."""
 
     def __init__(self, stream: av.VideoStream) -> None:
-        import av
-
-        self._graph = av.filter.Graph()
+        self._graph = Graph()
         source, sink = self._graph.add_buffer(template=stream), self._graph.add("buffersink")
         bwdif = self._graph.add("bwdif", "mode=send_field")
         source.link_to(bwdif)
@@ -221,13 +214,11 @@ class _Deinterlacer:
 
     def take(self, picture: av.VideoFrame | None) -> Iterator[av.VideoFrame]:
         """Frames that are ready after `picture`; None asks for the last ones."""
-        import av
-
         self._graph.push(picture)
         while True:
             try:
                 yield self._graph.pull()  # pyright: ignore[reportReturnType]
-            except (av.error.BlockingIOError, av.error.EOFError):
+            except (NotYet, Over):
                 return
 
 
@@ -236,10 +227,7 @@ def _luma(first: av.VideoFrame, gamma: float) -> Luma:
     is_plane = name.startswith(("yuv", "gray", "nv12", "nv21")) and (bits == 8 or name.endswith("le"))
     is_full = int(first.color_range) == _FULL or name.startswith(("yuvj", "gray"))
     curve = int(first.color_trc)
-    if curve in _GAMMAS:
-        tone = Tone("gamma", _GAMMAS[curve])
-    else:
-        tone = Tone(_CURVES.get(curve, "gamma"), gamma)  # pyright: ignore[reportArgumentType]
+    tone = Tone(_CURVES.get(curve, "gamma"), _GAMMAS.get(curve, gamma))
     return Luma(bits if is_plane else 16, is_plane and not is_full, is_plane, tone)
 
 

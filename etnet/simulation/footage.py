@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from etnet.simulation.tone import Tone
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frame:
-    """Light (linear, 1 is white) at a moment (µs from the first frame). `is_cut`: the source says that a scene begins."""
+    """Light (linear, 1 is white) at a moment (µs from the first frame). `is_cut`: a scene begins, says the source."""
 
     t: float
     light: Float32[np.ndarray, "h w"]
@@ -25,6 +25,7 @@ class Frame:
     is_cut: bool = False
 
 
+@runtime_checkable
 class Footage(Protocol):
     """Frames in order of time, one in memory. What was found, mended or assumed is told while they are read."""
 
@@ -33,10 +34,16 @@ class Footage(Protocol):
     tone: Tone
     bits: int
     remarks: list[str]
-    duration: float
-    """Seconds before the sensor, as far as it is known before all frames are read."""
-    interval: float
-    """Mean µs between two frames, as far as it is known."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds before the sensor, as far as it is known before all frames are read."""
+        ...
+
+    @property
+    def interval(self) -> float:
+        """Mean µs between two frames, as far as it is known."""
+        ...
 
     def __iter__(self) -> Iterator[Frame]:
         """From the first frame to the last, once."""

@@ -14,9 +14,11 @@ import numpy as np
 from jaxtyping import Float32, Int64
 
 from etnet.errors import Cancelled, EtnetError, RecordingError
+from etnet.events.cache import grey
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, Recording, Remark, Span
-from etnet.simulation.video import Shown, VideoConfig, VideoFrames, simulated
+from etnet.simulation.decode import VideoFootage
+from etnet.simulation.video import Shown, VideoConfig, footage_of, simulated
 
 FEWEST_FRAMES = 4
 """Before so many there is nothing to show."""
@@ -62,7 +64,7 @@ class GrowingVideo:
         self._video, self._out, self._name, self._largest = video, out, name, largest
         self._changed = Condition()
         self._file: h5py.File | None = None
-        self._frames: VideoFrames | None = None
+        self._frames: VideoFootage | None = None
         self._stamps: list[int] = []
         self._shown = Shown(-1, 0, 0, 0)
         self._work = 0.0
@@ -74,7 +76,7 @@ class GrowingVideo:
     def run(self, is_cancelled: Callable[[], bool]) -> None:
         """Simulate to the end, or until cancelled. What goes wrong is raised by `wait` and `recording`."""
         try:
-            with closing(VideoFrames(self._video, self.config)) as frames:
+            with closing(footage_of(self._video, self.config)) as frames:
                 file = h5py.File(self._out, "w", libver=("v110", "v110"))
                 with self._changed:
                     self._file, self._frames = file, frames
@@ -116,12 +118,11 @@ class GrowingVideo:
         with self._changed:
             if self._frames is None:
                 return Pace(0.0, 0.0, None, self._is_over)
-            interval = self._frames.interval / 1e6
-            done = len(self._stamps) * interval
-            total = done if self._is_over else max(self._frames.num_frames * interval, done)
+            done = (self._stamps[-1] + self._frames.interval) / 1e6 if self._stamps else 0.0
+            total = done if self._is_over else max(self._frames.duration, done)
             return Pace(done, total, self._work / done if done else None, self._is_over)
 
-    def _simulate(self, file: h5py.File, frames: VideoFrames, is_cancelled: Callable[[], bool]) -> None:
+    def _simulate(self, file: h5py.File, frames: VideoFootage, is_cancelled: Callable[[], bool]) -> None:
         began = time.thread_time()
         for shown in simulated(file, frames, self.config):
             if is_cancelled():
@@ -150,10 +151,12 @@ class GrowingVideo:
         first = before.span.start if before is not None else int(source.read(0, 1).t[0])
 
         def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-            return np.asarray(file[f"images/image{index:09d}"]).astype(np.float32) / 255
+            return grey(np.asarray(file[f"images/image{index:09d}"]), is_bgr=True)
 
         values = f"contrast {self.config.contrast:g}, noise {self.config.noise:g}"
         remarks = [Remark("assumed", f"simulated from a video (ESIM, {values}, {sensor} pixels)")]
+        if self._frames is not None:
+            remarks += [Remark("assumed", said) for said in list(self._frames.remarks)]
         if self._ended:
             remarks.append(Remark("assumed", self._ended))
         return Recording(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -30,12 +30,19 @@ Flow = Float32[np.ndarray, "h w 2"]
 Guide = UInt8[np.ndarray, "h w"]
 
 
+@runtime_checkable
 class Between(Protocol):
-    """What lies between two frames. `motion`: pixels that all but half a percent of the picture stay below.
-    `failed`: share of the picture where no motion was found and a straight line is taken."""
+    """What lies between two frames."""
 
-    motion: float
-    failed: float
+    @property
+    def motion(self) -> float:
+        """Pixels that all but half a percent of the picture stay below."""
+        ...
+
+    @property
+    def failed(self) -> float:
+        """Share of the picture where no motion was found and a straight line is taken."""
+        ...
 
     def level(self, share: float) -> Level:
         """Log intensity at a share of the way, 0 < share < 1."""

@@ -92,6 +92,12 @@ class PixelArray:
         self.reference = self._level + self.threshold_off - rng.random(shape, np.float32) * reach
         self._last = np.full(first.size, -np.inf)
 
+    def restart(self, light: Float32[np.ndarray, "h w"], t: float, rng: np.random.Generator) -> None:
+        """The same pixels before another scene: what they remember is new, their thresholds stay."""
+        self._level, self._t = self._log(light), t
+        reach = self.threshold_on + self.threshold_off
+        self.reference = self._level + self.threshold_off - rng.random(light.shape, np.float32) * reach
+
     @property
     def level(self) -> Float32[np.ndarray, "h w"]:
         """The signal that the pixels compare now: log intensity behind the photoreceptor's low-pass."""
