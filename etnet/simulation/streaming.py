@@ -146,7 +146,7 @@ class EventSimulator:
         pixels; None where no flow was looked for."""
         if not isinstance(self._between, Moving):
             return None
-        return -np.moveaxis(self._between.backward[..., :2], 2, 0)
+        return -np.moveaxis(self._between.backward.flow, 2, 0)
 
     def feed(self, light: Float32[np.ndarray, "h w"], t: float, is_cut: bool = False) -> Events:
         """Show the next frame (linear light, 1 is white; `t` in µs, ascending): the events since the one before."""
