@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from etnet.simulation.arrays import simulate
     from etnet.simulation.settings import CAMERAS, PixelSettings
-    from etnet.simulation.streaming import EventSimulator, Stepping
+    from etnet.simulation.streaming import EventSimulator
     from etnet.simulation.tone import Tone
+    from etnet.simulation.walk import Stepping
 
 _HOMES = {
     "CAMERAS": "etnet.simulation.settings",
     "EventSimulator": "etnet.simulation.streaming",
     "PixelSettings": "etnet.simulation.settings",
-    "Stepping": "etnet.simulation.streaming",
+    "Stepping": "etnet.simulation.walk",
     "Tone": "etnet.simulation.tone",
     "simulate": "etnet.simulation.arrays",
 }

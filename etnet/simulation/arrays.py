@@ -12,8 +12,9 @@ from etnet.errors import RecordingError
 from etnet.events.events import Events
 from etnet.simulation.footage import Frame
 from etnet.simulation.settings import Camera, PixelSettings, camera_named
-from etnet.simulation.streaming import EventSimulator, Stepping
+from etnet.simulation.streaming import EventSimulator
 from etnet.simulation.tone import Tone
+from etnet.simulation.walk import Stepping
 
 SRGB = Tone("srgb")
 

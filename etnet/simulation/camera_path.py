@@ -22,6 +22,9 @@ Motion = Literal["saccades", "drift"]
 FRAMES_PER_SECOND = 1_000
 """Moments that are rendered a second at least; more where the path is fast, so that nothing jumps a pixel."""
 
+STORED_PER_SECOND = 50
+"""Moments that are stored as an ordinary camera's frames."""
+
 
 class PhotoInMotion:
     """A sensor that looks at a part of a photo and moves. x and y are pixels of the sensor, from the photo's middle.
@@ -64,10 +67,11 @@ class PhotoInMotion:
         self.interval = self.duration * 1e6 / (self._num_frames - 1)
 
     def __iter__(self) -> Iterator[Frame]:
-        start = self._path[0, 0]
-        for t in np.linspace(0, self.duration, self._num_frames):
+        start, stride = self._path[0, 0], max(1, round(1e6 / STORED_PER_SECOND / self.interval))
+        for i, t in enumerate(np.linspace(0, self.duration, self._num_frames)):
             x, y, degrees, zoom = (float(np.interp(start + t, self._path[:, 0], self._path[:, i])) for i in range(1, 5))
-            yield Frame(t * 1e6, self._view(x, y, math.radians(degrees), zoom))
+            light = self._view(x, y, math.radians(degrees), zoom)
+            yield Frame(t * 1e6, light, is_stored=i % stride == 0 or i == self._num_frames - 1)
 
     def close(self) -> None:
         """Nothing to give back."""

@@ -23,6 +23,8 @@ class Frame:
     light: Float32[np.ndarray, "h w"]
     colour: UInt8[np.ndarray, "h w 3"] | None = None
     is_cut: bool = False
+    is_stored: bool = True
+    """Whether it becomes a frame of the recording; footage of very many frames stores some of them."""
 
 
 @runtime_checkable

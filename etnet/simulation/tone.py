@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float32, Float64, UInt8, UInt16
+from jaxtyping import Float, Float32, UInt8, UInt16
 
 Curve = Literal["bt709", "srgb", "pq", "hlg", "linear", "gamma"]
 PQ_WHITE = 203.0
@@ -29,7 +29,7 @@ class Tone:
     curve: Curve = "gamma"
     gamma: float = 2.2
 
-    def light(self, code: Float64[np.ndarray, "*shape"]) -> Float64[np.ndarray, "*shape"]:
+    def light(self, code: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
         """Relative linear light of code values in 0 … 1."""
         code = np.clip(code, 0.0, 1.0)
         if self.curve == "bt709":
@@ -44,7 +44,7 @@ class Tone:
             return scene / _HLG_WHITE
         return code if self.curve == "linear" else code**self.gamma
 
-    def code(self, light: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
+    def code(self, light: Float[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
         """Code values in 0 … 1 of light: what a picture of this tone stores."""
         light = np.maximum(light, 0)
         if self.curve == "bt709":

@@ -21,8 +21,9 @@ from etnet.simulation.footage import Footage, Frame, Framing
 from etnet.simulation.sensor import SensorTraits
 from etnet.simulation.settings import PixelSettings
 from etnet.simulation.sink import RecordingSink
-from etnet.simulation.streaming import EventSimulator, Stepping
+from etnet.simulation.streaming import EventSimulator
 from etnet.simulation.tone import stored_picture
+from etnet.simulation.walk import Stepping
 
 _NOISY = SensorTraits(0.0, 0.0, mismatch=0.05, leak_hz=0.2, shot_hz=2.0, hot_share=0.0005, hot_hz=30.0)
 """What `noise` = 1 adds: a mediocre real sensor in ordinary light."""
@@ -194,8 +195,9 @@ def simulated(
     with EventSimulator(config.traits, config.stepping, config.seed, exposure_us=config.exposure_us) as simulator:
         for index, (frame, events) in enumerate(simulator.run(footage)):
             sink.append(events)
-            sink.add_frame(frame.t, _stored(frame, footage, config, simulator.camera, camera_rng))
-            if config.has_flow and index and simulator.flow is not None:
+            if frame.is_stored:
+                sink.add_frame(frame.t, _stored(frame, footage, config, simulator.camera, camera_rng))
+            if config.has_flow and frame.is_stored and index and simulator.flow is not None:
                 sink.add_flow(frame.t, simulator.flow, (frame.t - before) / 1e6)
             before = frame.t
             yield Shown(index, int(np.floor(frame.t)), sink.num_events, sink.last)

@@ -16,8 +16,9 @@ import numpy as np
 
 from etnet.events.events import Events, Sensor
 from etnet.simulation.sensor import PixelArray, SensorTraits, events_of
-from etnet.simulation.streaming import EventSimulator, Stepping
+from etnet.simulation.streaming import EventSimulator
 from etnet.simulation.tone import Tone
+from etnet.simulation.walk import Stepping
 from etnet.voxel import voxel_array
 
 MOMENTS = 40
@@ -92,7 +93,8 @@ class KnownScene:
         y = picture.shape[0] / 2 + 20 * np.sin(path / 60)
         light = _moved(picture, self.size, turn, x, y)
         if self.has_disc:
-            place = width * (0.5 + 0.35 * np.sin(1 + 1.3 * path / (0.35 * width))), height * (0.5 + 0.2 * np.cos(path / 50))
+            across = 0.5 + 0.35 * np.sin(1 + 1.3 * path / (0.35 * width))
+            place = width * across, height * (0.5 + 0.2 * np.cos(path / 50))
             columns, rows = np.meshgrid(np.arange(width), np.arange(height))
             alpha = np.clip(0.22 * height - np.hypot(columns - place[0], rows - place[1]) + 0.5, 0, 1)
             disc = _moved(photo("astronaut"), self.size, 0.0, 256 + width / 2 - place[0], 150 + height / 2 - place[1])

@@ -31,6 +31,8 @@ def is_hdf5(request: Request) -> bool:
 
 def _open_event_utils(request: Request, file, paths: tuple[str, str, str, str]) -> Opened:
     remarks = Remarks()
+    if isinstance(made := file.attrs.get("simulation"), str):
+        remarks.detected(f"{str(file.attrs.get('source', 'simulated'))[:200]}, with {made[:1000]}")
     x, y, t, p = columns(file, paths, request.name)
     if len(t) == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
