@@ -98,7 +98,7 @@ def test_light_and_code_are_inverse_and_ascend(curve):
     tone, code = Tone(curve), np.linspace(0, 1, 1001)
     light = tone.light(code)
     assert (np.diff(light) > 0).all()
-    assert np.allclose(tone.code(light), code, atol=1e-5)
+    assert np.allclose(tone.code(light), code, atol=3e-4)  # the two parts of BT.709 meet roughly
     assert light[-1] == pytest.approx({"pq": 10_000 / 203, "hlg": 1 / 0.265}.get(curve, 1.0), rel=0.01)
 
 
