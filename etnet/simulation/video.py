@@ -93,10 +93,12 @@ class VideoConfig:
         )
 
     @property
-    def as_attributes(self) -> dict[str, str | int | float]:
-        """How it was made, under names that a file keeps."""
+    def as_pixels(self) -> PixelSettings:
+        """The sensor under v2e's names."""
+        if self.pixels is not None:
+            return self.pixels
         traits = self.traits
-        pixels = self.pixels or PixelSettings(
+        return PixelSettings(
             pos_thres=traits.threshold_on,
             neg_thres=traits.threshold_off,
             sigma_thres=traits.mismatch * self.contrast,
@@ -105,6 +107,11 @@ class VideoConfig:
             hot_share=traits.hot_share,
             hot_hz=traits.hot_hz,
         )
+
+    @property
+    def as_attributes(self) -> dict[str, str | int | float]:
+        """How it was made, under names that a file keeps."""
+        pixels = self.as_pixels
         seen = self.seen
         return {
             **pixels.as_attributes,

@@ -1,0 +1,207 @@
+"""A twin of a camera: the settings of a simulated sensor, measured of a recording, and both beside each other.
+
+What events alone tell (noise, dead time) is measured of them. What needs light (thresholds, bandwidth, lag) is found by
+trial: the recording's own frames are simulated, and the settings follow until as many ON and OFF events come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Int64
+
+from etnet.errors import RecordingError
+from etnet.events.events import Events, Sensor
+from etnet.events.fitness import Fitness, measure_fitness
+from etnet.events.recording import GroundTruth, Recording
+from etnet.simulation.footage import Frame
+from etnet.simulation.settings import PixelSettings
+from etnet.simulation.streaming import EventSimulator
+from etnet.simulation.tone import Tone
+from etnet.simulation.walk import Stepping
+from etnet.voxel import voxel_array
+
+TRIAL_FRAMES = 25
+"""Frames of the recording that the trials go over, from its middle."""
+ROUNDS = 4
+"""Trials after which the thresholds have settled."""
+CUTOFFS = (0.0, 100.0, 40.0, 15.0)
+"""Bandwidths that are tried, Hz; 0 is no limit."""
+_NOISE_SHARE = 0.25
+"""Of what nothing near supports, so much is called shot noise: an edge's first event has no support either."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """What events look like. Rates are a pixel's, each second; intervals are between two events of one pixel, µs."""
+
+    rate: float
+    on_share: float
+    active_share: float
+    """Pixels with an event, of all, between two frames."""
+    interval_1: float
+    """1 % of the intervals are shorter."""
+    interval_50: float
+    interval_99: float
+
+
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """Settings that make a simulated sensor like the recording's, and how like it they made it on the trial frames.
+
+    `correlation` is that of the voxels of each window between two frames; None where the recording has no frames.
+    """
+
+    pixels: PixelSettings
+    real: Statistics | None
+    simulated: Statistics | None
+    correlation: float | None
+    remarks: tuple[str, ...]
+
+
+def measure_twin(
+    recording: Recording, tone: Tone | None = None, progress: Callable[[float], None] | None = None
+) -> Twin:
+    """The twin of the sensor that made `recording`; `tone` is that of its frames (linear by default, as a DAVIS's)."""
+    told = progress or (lambda _: None)
+    fitness = Fitness()
+    for found, share in measure_fitness(recording):
+        fitness = found
+        told(0.3 * share)
+    pixels, remarks = _of_events(fitness, recording)
+    frames = _trial_frames(recording, tone or Tone("linear"))
+    if frames is None:
+        remarks.append("it has no frames to try them on: thresholds and bandwidth are assumed")
+        return Twin(pixels, None, None, None, tuple(remarks))
+    real, edges = _real_events(recording, frames)
+    best: tuple[float, PixelSettings, Events] | None = None
+    for i, cutoff in enumerate(CUTOFFS):
+        # A slow pixel is late by itself: what its time constant makes up is no lag.
+        delay = 1e6 / (2 * np.pi * cutoff) if cutoff else 0.0
+        start = best[1] if best else pixels
+        tried = replace(start, cutoff_hz=cutoff, lag_us=max(pixels.lag_us - delay, 0.0))
+        tried, events = _settled(tried, frames, real)
+        alike = voxel_correlation(real, events, edges)
+        if best is None or alike > best[0] + 0.002:
+            best = alike, tried, events
+        told(0.3 + 0.7 * (i + 1) / len(CUTOFFS))
+    assert best is not None
+    seconds = (frames[-1].t - frames[0].t) / 1e6
+    return Twin(best[1], statistics(real, edges, seconds), statistics(best[2], edges, seconds), best[0], tuple(remarks))
+
+
+def statistics(events: Events, edges: Int64[np.ndarray, " n"], seconds: float) -> Statistics:
+    """Of events over windows that `edges` (µs) divide."""
+    pixel = events.y.astype(np.int64) * events.sensor.width + events.x
+    index = np.searchsorted(events.t, edges)
+    active = [len(np.unique(pixel[a:b])) / events.sensor.num_pixels for a, b in pairwise(index.tolist())]
+    order = np.lexsort((events.t, pixel))
+    waits = np.diff(events.t[order])[np.diff(pixel[order]) == 0]
+    low, middle, high = np.percentile(waits, [1, 50, 99]).tolist() if len(waits) else (np.nan,) * 3
+    share = float((events.p > 0).mean()) if len(events) else float("nan")
+    rate = len(events) / events.sensor.num_pixels / seconds
+    return Statistics(rate, share, float(np.mean(active)), low, middle, high)
+
+
+def voxel_correlation(real: Events, simulated: Events, edges: Int64[np.ndarray, " n"]) -> float:
+    """Mean correlation of the two's voxel grids, window by window."""
+    found = []
+    cuts = [np.searchsorted(events.t, edges).tolist() for events in (real, simulated)]
+    for (a, b), (c, d) in zip(pairwise(cuts[0]), pairwise(cuts[1]), strict=True):
+        one, other = voxel_array(real[a:b]).ravel(), voxel_array(simulated[c:d]).ravel()
+        if one.any() and other.any():
+            found.append(float(np.corrcoef(one, other)[0, 1]))
+    return float(np.mean(found)) if found else 0.0
+
+
+def simulated_from_frames(pixels: PixelSettings, frames: list[Frame], seed: int = 0) -> Events:
+    """What a sensor with these settings sees of the frames."""
+    height, width = frames[0].light.shape
+    with EventSimulator(pixels.traits, Stepping(), seed) as simulator:
+        parts = [events for _, events in simulator.run(frames)]
+    return Events.concatenate(parts, Sensor(width, height))
+
+
+def _of_events(fitness: Fitness, recording: Recording) -> tuple[PixelSettings, list[str]]:
+    """Settings that the events alone tell, and what frames tell without a trial."""
+    remarks, pixels = list[str](), PixelSettings(sigma_thres=0.03, leak_rate_hz=0.1)
+    activity, lag, thresholds = fitness.activity, fitness.lag, fitness.thresholds
+    if activity is not None:
+        share = len(fitness.hot) / recording.sensor.num_pixels
+        pixels = replace(
+            pixels,
+            shot_noise_rate_hz=round(activity.noise_rate * _NOISE_SHARE, 4),
+            refractory_us=round(activity.refractory or 0.0, 1),
+            hot_share=round(share, 6),
+        )
+        remarks.append(
+            f"noise that nothing supports: {activity.noise_rate:.3f} Hz a pixel, a quarter of it taken as shot"
+        )
+    if lag is not None:
+        pixels = replace(pixels, lag_us=float(max(lag.shift, 0)))
+        remarks.append(f"events follow the frames by {lag.shift / 1000:.0f} ms")
+    if thresholds is not None and min(thresholds.on, thresholds.off) > 0.01:
+        on, off = (float(np.clip(value, 0.02, 4.0)) for value in (thresholds.on, thresholds.off))
+        pixels = replace(pixels, pos_thres=on, neg_thres=off)
+    return pixels, remarks
+
+
+def _trial_frames(recording: Recording, tone: Tone) -> list[Frame] | None:
+    truth = recording.ground_truth
+    inside = [] if truth is None else _inside(recording, truth)
+    if truth is None or len(inside) < 3:
+        return None
+    if truth.read_frame(0).shape != (recording.sensor.height, recording.sensor.width):
+        return None
+    begin = max(0, (len(inside) - TRIAL_FRAMES) // 2)
+    chosen = inside[begin : begin + TRIAL_FRAMES]
+    return [Frame(float(truth.stamps[i]), tone.light(truth.read_frame(i)).astype(np.float32)) for i in chosen]
+
+
+def _inside(recording: Recording, truth: GroundTruth) -> list[int]:
+    is_inside = (truth.stamps >= recording.span.start) & (truth.stamps <= recording.span.stop)
+    return np.flatnonzero(is_inside & (np.diff(truth.stamps, prepend=truth.stamps[0] - 1) > 0)).tolist()
+
+
+def _real_events(recording: Recording, frames: list[Frame]) -> tuple[Events, Int64[np.ndarray, " n"]]:
+    edges = np.array([int(frame.t) for frame in frames], np.int64)
+    events = recording.read(recording.index_at(int(edges[0])), recording.index_at(int(edges[-1])))
+    if len(events) == 0:
+        raise RecordingError(f"{recording.name}: no events lie between its frames; a twin cannot be measured of it")
+    return events, edges
+
+
+def _settled(pixels: PixelSettings, frames: list[Frame], real: Events) -> tuple[PixelSettings, Events]:
+    """Thresholds at which as many ON and OFF events come as in the recording."""
+    wanted = [max(int((real.p == sign).sum()), 1) for sign in (1, -1)]
+    events = simulated_from_frames(pixels, frames)
+    for _ in range(ROUNDS):
+        got = [max(int((events.p == sign).sum()), 1) for sign in (1, -1)]
+        # The two drive each other (an ON event moves the level that the next OFF event starts from): go half the way.
+        on, off = (
+            float(np.clip(value * (have / want) ** 0.6, 0.02, 4.0))
+            for value, have, want in zip((pixels.pos_thres, pixels.neg_thres), got, wanted, strict=True)
+        )
+        pixels = replace(pixels, pos_thres=on, neg_thres=off)
+        events = simulated_from_frames(pixels, frames)
+    return pixels, events
+
+
+def beside(twin: Twin) -> Iterator[tuple[str, str, str]]:
+    """Rows of a table: what, the recording's, the simulated sensor's."""
+    if twin.real is None or twin.simulated is None:
+        return
+    rows = (
+        ("events of a pixel each second", "rate", "{:.2f}"),
+        ("share of ON events", "on_share", "{:.1%}"),
+        ("pixels with an event between two frames", "active_share", "{:.1%}"),
+        ("interval, 1st percentile (ms)", "interval_1", "{:.2f}"),
+        ("interval, median (ms)", "interval_50", "{:.1f}"),
+        ("interval, 99th percentile (ms)", "interval_99", "{:.0f}"),
+    )
+    for what, name, form in rows:
+        scale = 1e-3 if name.startswith("interval") else 1.0
+        yield what, form.format(getattr(twin.real, name) * scale), form.format(getattr(twin.simulated, name) * scale)
