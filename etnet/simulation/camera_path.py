@@ -34,6 +34,8 @@ class PhotoInMotion:
     and zoom.
     """
 
+    is_fine = True
+
     def __init__(
         self,
         photo: Path,

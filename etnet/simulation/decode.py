@@ -45,6 +45,8 @@ class Luma:
 class VideoFootage:
     """A video's frames as light with the file's own stamps."""
 
+    is_fine = False
+
     def __init__(
         self,
         path: Path,

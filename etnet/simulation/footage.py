@@ -36,6 +36,8 @@ class Footage(Protocol):
     tone: Tone
     bits: int
     remarks: list[str]
+    is_fine: bool
+    """Whether nothing moves a pixel between two frames, so that no motion has to be looked for."""
 
     @property
     def duration(self) -> float:

@@ -27,6 +27,8 @@ class PictureFolder:
     Kalibr's own: nanoseconds.
     """
 
+    is_fine = False
+
     def __init__(
         self,
         where: Path,

@@ -199,7 +199,8 @@ def simulated(
     """Show frame after frame to the sensor and write it with its events."""
     sink, before = RecordingSink(file, footage.sensor), 0.0
     camera_rng = np.random.default_rng([config.seed, 1])
-    with EventSimulator(config.traits, config.stepping, config.seed, exposure_us=config.exposure_us) as simulator:
+    stepping = Stepping("off") if footage.is_fine else config.stepping
+    with EventSimulator(config.traits, stepping, config.seed, exposure_us=config.exposure_us) as simulator:
         for index, (frame, events) in enumerate(simulator.run(footage)):
             sink.append(events)
             if frame.is_stored:

@@ -1,0 +1,81 @@
+"""`etnet simulate --video`: sources, cameras, twins, formats, and what is said."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from etnet.cli.main import main
+from etnet.events.open import open_recording
+from tests.simulation.films import drifting, write_film
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    return write_film(tmp_path_factory.mktemp("film") / "drift.mp4", drifting(8, 2.0))
+
+
+def done(*words) -> int:
+    return main(["simulate", *map(str, words)])
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.aedat4", "a.raw", "a.csv", "a.npz", "dsec.h5"])
+def test_every_format_that_we_write_holds_the_same_events(film, tmp_path, name):
+    assert done(tmp_path / "ours.h5", "--video", film) == 0
+    extra = ["--to", "dsec"] if name == "dsec.h5" else []
+    assert done(tmp_path / name, "--video", film, *extra) == 0
+    with open_recording(tmp_path / "ours.h5") as ours, open_recording(tmp_path / name) as other:
+        assert ours.num_events == other.num_events > 1000
+        one, two = ours.read(0, ours.num_events), other.read(0, other.num_events)
+        assert np.array_equal(one.t - one.t[0], two.t - two.t[0])
+        assert np.array_equal(np.sort(one.x), np.sort(two.x))
+    if name != "a.h5":
+        assert json.loads((tmp_path / f"{name}.json").read_text())["pos_thres"] == 0.2
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith("etnet-simulate")]
+
+
+def test_a_cameras_size_and_single_parameters_are_taken(film, tmp_path, capsys):
+    out = tmp_path / "a.h5"
+    assert done(out, "--video", film, "--camera", "davis240c", "--cutoff-hz", 100, "--interpolate", 3) == 0
+    with open_recording(out) as recording:
+        assert str(recording.sensor) == "240×180"
+        told = " ".join(remark.text for remark in recording.remarks)
+    assert '"pos_thres": 0.11' in told
+    assert '"cutoff_hz": 100.0' in told
+    assert done(out, "--video", film, "--camera", "nonsense") == 1
+    assert "choose from DAVIS240C" in capsys.readouterr().err
+
+
+def test_a_twin_is_measured_said_and_simulated(film, tmp_path, capsys):
+    assert done(tmp_path / "mine.h5", "--video", film, "--pos-thres", 0.3) == 0
+    assert done(tmp_path / "like.h5", "--video", film, "--like", tmp_path / "mine.h5") == 0
+    said = capsys.readouterr().err
+    assert "the sensor of mine.h5: pos_thres" in said
+    assert (tmp_path / "like.h5").is_file()
+
+
+def test_pictures_and_a_photo_are_sources_too(tmp_path, capsys):
+    folder = tmp_path / "p"
+    folder.mkdir()
+    for i, picture in enumerate(drifting(4, 2.0)):
+        cv2.imwrite(str(folder / f"{i}.png"), picture)
+    assert done(tmp_path / "a.h5", "--video", folder, "--fps", 50) == 0
+    assert done(tmp_path / "b.h5", "--video", folder / "*.png", "--fps", 50) == 0
+    assert done(tmp_path / "c.h5", "--video", folder / "0.png", "--motion", "saccades", "--reach", 4) == 0
+    assert done(tmp_path / "d.h5", "--video", folder / "0.png") == 1
+    assert done(tmp_path / "d.h5", "--video", folder) == 1
+    said = capsys.readouterr().err
+    assert "give --motion" in said
+    assert "give --fps or --stamps" in said
+
+
+def test_nothing_that_moves_is_said_in_every_format(tmp_path, capsys):
+    still = write_film(tmp_path / "still.mp4", [np.full((48, 64), 90, np.uint8)] * 4)
+    assert done(tmp_path / "a.h5", "--video", still, "--noise", 0) == 0
+    assert done(tmp_path / "a.csv", "--video", still, "--noise", 0) == 1
+    said = capsys.readouterr().err
+    assert said.count("0 events: log intensity changes by") == 2
+    assert not (tmp_path / "a.csv").exists()
+    assert done(tmp_path / "a.h5", "--video", still, "--interpolate", "often") == 1
+    assert "takes auto, off, or a number" in capsys.readouterr().err

@@ -1,0 +1,47 @@
+"""A twin is measured of a recording whose sensor is known, because we simulated it."""
+
+import numpy as np
+import pytest
+
+from etnet.events.events import Events, Sensor
+from etnet.events.recording import GroundTruth, Recording, recording_of_events
+from etnet.simulation.like import beside, measure_twin
+from etnet.simulation.settings import PixelSettings
+from tests.simulation.known_motion import FRAME_US, KnownScene
+
+SIZE = (96, 72)
+REAL = PixelSettings(pos_thres=0.35, neg_thres=0.25, shot_noise_rate_hz=0.2, refractory_us=500.0)
+
+
+def recorded(with_frames: bool) -> Recording:
+    """All moments of a scene seen by `REAL`, with every 40th as a frame."""
+    from etnet.simulation.footage import Frame
+    from etnet.simulation.streaming import EventSimulator
+    from etnet.simulation.walk import Stepping
+
+    scene = KnownScene(3.0, True, SIZE, num_frames=11)
+    lights = list(scene.moments())
+    with EventSimulator(REAL.traits, Stepping("off"), 3, threads=1) as simulator:
+        shown = (Frame(i * FRAME_US / 40, light) for i, light in enumerate(lights))
+        events = Events.concatenate([found for _, found in simulator.run(shown)], Sensor(*SIZE))
+    stamps = np.floor(np.arange(11) * FRAME_US).astype(np.int64)
+    truth = GroundTruth(stamps, lambda i: lights[40 * i]) if with_frames else None
+    return recording_of_events(events, "real", ground_truth=truth)
+
+
+def test_a_twin_has_the_thresholds_rate_and_share_of_the_real_one():
+    twin = measure_twin(recorded(True))
+    assert twin.pixels.pos_thres == pytest.approx(REAL.pos_thres, rel=0.2)
+    assert twin.pixels.neg_thres == pytest.approx(REAL.neg_thres, rel=0.2)
+    assert twin.simulated.rate == pytest.approx(twin.real.rate, rel=0.1)
+    assert twin.simulated.on_share == pytest.approx(twin.real.on_share, abs=0.03)
+    assert twin.correlation > 0.5
+    assert len(list(beside(twin))) == 6
+
+
+def test_without_frames_the_noise_is_measured_and_the_rest_is_said_to_be_assumed():
+    twin = measure_twin(recorded(False))
+    assert twin.correlation is None
+    assert twin.pixels.shot_noise_rate_hz > 0
+    assert any("thresholds and bandwidth are assumed" in text for text in twin.remarks)
+    assert list(beside(twin)) == []
