@@ -21,10 +21,13 @@ class RecordingSink:
         self.num_events, self.num_frames, self.last = 0, 0, 0
         self._file, self._sensor = file, sensor
         self._num_positive, self._num_flows, self._first = 0, 0, 0
-        for name, kind in (("xs", np.int16), ("ys", np.int16), ("ts", np.float64), ("ps", np.bool_)):
-            file.create_dataset(
+        kinds = {"xs": np.int16, "ys": np.int16, "ts": np.float64, "ps": np.bool_}
+        self._columns = {
+            name: file.create_dataset(
                 f"events/{name}", (0,), kind, maxshape=(None,), chunks=(CHUNK,), compression="gzip", shuffle=True
             )
+            for name, kind in kinds.items()
+        }
 
     def append(self, events: Events) -> None:
         """Add the events of one frame, in order."""
@@ -37,9 +40,11 @@ class RecordingSink:
             ("ts", events.t * 1e-6),
             ("ps", events.p > 0),
         ):
-            held = self._file[f"events/{name}"]
-            held.resize((stop,))  # pyright: ignore[reportAttributeAccessIssue]
-            held[start:stop] = column  # pyright: ignore[reportIndexIssue]
+            held = self._columns[name]
+            if stop > len(held):
+                # By whole chunks: to resize a dataset costs more than to write a frame's events.
+                held.resize((-(-stop // CHUNK) * CHUNK,))
+            held[start:stop] = column
         self._first = int(events.t[0]) if start == 0 else self._first
         self.last, self.num_events = int(events.t[-1]), stop
         self._num_positive += int((events.p > 0).sum())
@@ -62,6 +67,8 @@ class RecordingSink:
 
     def finish(self, attributes: Mapping[str, str | int | float]) -> None:
         """Write what readers of this layout look for first, and how it was made."""
+        for column in self._columns.values():
+            column.resize((self.num_events,))
         found = self._file.attrs
         found["num_events"] = self.num_events
         found["num_pos"], found["num_neg"] = self._num_positive, self.num_events - self._num_positive
