@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import eventcv
 
 from etnet.events.events import Events, Sensor
-from etnet.simulation.walk import Stepping
 from etnet.simulation.tone import Tone
+from etnet.simulation.walk import Stepping
 from tests.simulation.known_motion import FRAME_US, MOMENTS, KnownScene, by_frame, voxel_error
 
 SPEEDS = (1.7, 4.0, 10.0)
