@@ -40,7 +40,7 @@ class Stage:
     """Clips an update, over all processes."""
 
     def __post_init__(self) -> None:
-        _require(self.updates >= 1, f"Stage.updates is {self.updates}; wanted at least 1")
+        _require(self.updates >= 0, f"Stage.updates is {self.updates}; wanted at least 0 (0 leaves the stage out)")
         _require(self.clips >= 1, f"Stage.clips is {self.clips}; wanted at least 1")
         _require(min(self.size) >= 32, f"Stage.size is {self.size}; LPIPS wants at least 32 pixels a side")
 
@@ -213,7 +213,7 @@ class TrainConfig:
     checkpoint_every: int = 50
 
     def __post_init__(self) -> None:
-        _require(bool(self.stages), "TrainConfig.stages is empty; wanted at least one Stage")
+        _require(self.updates >= 1, "TrainConfig.stages hold no update; wanted at least one Stage with one")
         _require(
             1 <= self.truncate <= self.data.windows and self.data.windows % self.truncate == 0,
             f"TrainConfig.truncate is {self.truncate}; it has to divide the {self.data.windows} windows of a clip",
