@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from etnet.bundled import models
 from etnet.errors import WeightsError
 from etnet.files import check_target
+from etnet.nets.listing import where_to_get
 from etnet.nets.metadata import config_of_plain, parse_object
 from etnet.nets.precision import PrecisionChoice, choose_runtime
 from etnet.nets.presets import ARCHITECTURES, PRESETS, UNTRAINED, Network, build_model
@@ -137,10 +138,7 @@ def _find(name_or_path: str | Path) -> Path:
     if path.is_file():
         return path
     if str(name_or_path) in PRESETS:
-        raise WeightsError(
-            f"no weights for {name_or_path!r} come with this project; convert the released checkpoint: "
-            f"etnet convert official.pth {name_or_path}.safetensors, then name that file"
-        )
+        raise WeightsError(f"no weights for {name_or_path!r} are bundled; {where_to_get(str(name_or_path))}")
     raise WeightsError(f"{name_or_path}: no such weights file or model; bundled are {', '.join(bundled) or 'none'}")
 
 
