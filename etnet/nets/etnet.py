@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -57,6 +58,8 @@ class ETNetConfig:
     dropout: float = 0.1
     """In training only."""
     normalise_voxels: bool = False
+    squash: float = 0.0
+    """Ours: counts far above this many events a bin grow as their logarithm only, v → ±s·log(1 + |v| / s); 0: never."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.scales <= NUM_LEVELS + 1:
@@ -65,6 +68,8 @@ class ETNetConfig:
             raise ModelError(f"ETNetConfig.deepest_skip is {self.deepest_skip}; it takes 0 … {NUM_LEVELS}")
         if self.heads < 1 or self.dim % self.heads:
             raise ModelError(f"ETNetConfig.dim {self.dim} does not divide into {self.heads} heads")
+        if not 0 <= self.squash < math.inf:
+            raise ModelError(f"ETNetConfig.squash is {self.squash}; it takes 0 or a number of events")
         if min(self.bins, self.base_channels, self.dim, self.feed_forward) < 1:
             raise ModelError(
                 f"ETNetConfig: bins {self.bins}, base_channels {self.base_channels}, dim {self.dim} and feed_forward "
@@ -188,6 +193,9 @@ class ETNet(RecurrentPyramid):
         self.tpa = TokenPyramidAggregation(config)
         self._build_upsampler(config, outputs=1)
 
+    def _laid_out(self, voxel: Tensor) -> Tensor:
+        return super()._laid_out(squashed(voxel, self.config.squash) if self.config.squash else voxel)
+
     def decode(
         self,
         pyramid: Pyramid,
@@ -201,3 +209,8 @@ class ETNet(RecurrentPyramid):
             context = self.tpa(pyramid.levels, observer, placement)
             frame = self._image(context, pyramid, intervention, is_bounded=True)
         return frame, observer.attention(TokenGrid(pyramid.height, pyramid.width))
+
+
+def squashed(voxel: Float[Tensor, "b bins h w"], scale: float) -> Float[Tensor, "b bins h w"]:
+    """±s·log(1 + |v| / s): the identity for small counts, a logarithm for large ones."""
+    return torch.sign(voxel) * scale * torch.log1p(voxel.abs() / scale)

@@ -61,7 +61,7 @@ def test_the_command_line_changes_any_field():
 
 def test_an_unknown_recipe_is_one_line(capsys: pytest.CaptureFixture[str]):
     assert main(["train", "--config", "huge"]) == 1
-    assert capsys.readouterr().err == "etnet: --config is huge; there are paper, half, tiny\n"
+    assert capsys.readouterr().err == "etnet: --config is huge; there are paper, half, wide, tiny\n"
 
 
 def test_bf16_is_refused_where_it_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
