@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import json
 import logging
+import math
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -24,6 +25,7 @@ from torch import Tensor, nn
 from etnet.errors import EtnetError, ModelError
 from etnet.files import check_target
 from etnet.nets.abilities import abilities_of
+from etnet.nets.attention import TRAINED_TOKENS, MultiHeadAttention
 from etnet.nets.base import Pyramid, State
 from etnet.nets.etnet import Sequentialize
 from etnet.nets.padding import PATCH
@@ -146,7 +148,15 @@ def _prepared(model: Network) -> Network:
         if isinstance(module, Sequentialize):
             # The cache would keep a tracer's tensors, and give them to the next real step.
             module.code = unwrap(module.code)
+        if isinstance(module, MultiHeadAttention) and module.scales_by_tokens:
+            module._scale = _traced_scale  # pyright: ignore[reportAttributeAccessIssue]  a tensor where a float was
     return traced
+
+
+def _traced_scale(head_dim: int, num_tokens: int) -> Tensor:
+    """`MultiHeadAttention._scale` in tensors: Python's logarithm would be that of the traced size for ever."""
+    count = torch.full((), num_tokens, dtype=torch.float32)
+    return torch.log(count) / (math.log(TRAINED_TOKENS) * math.sqrt(head_dim))
 
 
 def _example(model: Network, size: tuple[int, int]) -> tuple[Tensor, tuple[Tensor, ...], tuple[Tensor, ...]]:
