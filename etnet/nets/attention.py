@@ -14,9 +14,9 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, scaled_dot_product_attention
 
 from etnet.errors import ModelError
-from etnet.nets.base import kept_alive
 from etnet.nets.intervention import Intervention
 from etnet.nets.padding import TokenGrid
+from etnet.nets.storage import kept_alive
 
 TRAINED_TOKENS = 196
 """Tokens of a 112² training crop: where `log_tokens` scaling leaves the logits as they are."""
