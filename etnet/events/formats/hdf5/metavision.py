@@ -17,7 +17,7 @@ from etnet.events.formats.decode import Decoded
 from etnet.events.formats.hdf5.file import dataset, say_unread
 from etnet.events.formats.paged import paged
 from etnet.events.formats.prophesee.ecf import Chunk, DamagedChunk, decode_chunk
-from etnet.events.formats.prophesee.raw import Header
+from etnet.events.formats.prophesee.header import Header
 
 ECF_FILTER = 36559
 _HELD_CHUNKS = 32

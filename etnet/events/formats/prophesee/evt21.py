@@ -13,7 +13,7 @@ import numpy as np
 
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
-from etnet.events.formats.prophesee.raw import CLOCK_PERIOD, Header, tell_turns
+from etnet.events.formats.prophesee.header import CLOCK_PERIOD, Header, tell_turns
 from etnet.events.formats.word_stream import held, set_bits, unrolled
 
 _NEGATIVE, _POSITIVE, _TIME_HIGH = 0x0, 0x1, 0x8

@@ -18,8 +18,8 @@ from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, signed_p
 from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.paged import check_slice
 from etnet.events.formats.prophesee.evt2_evt3 import EVT, Notes, State, Version
+from etnet.events.formats.prophesee.header import Header
 from etnet.events.formats.prophesee.index import Blocks, index_of
-from etnet.events.formats.prophesee.raw import Header
 from etnet.events.index_store import Arrays
 from etnet.events.recording import EventSource, Span
 
