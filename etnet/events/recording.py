@@ -15,6 +15,7 @@ from jaxtyping import Float32, Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.opened_as import OpenedAs
+from etnet.events.triggers import Triggers
 
 INDEX_BLOCK = 65_536
 """Events between two stamps that `index_at` remembers."""
@@ -154,12 +155,17 @@ class Recording:
     ground_truth: GroundTruth | None = None
     path: Path | None = None
     inertial: Inertial | None = None
+    triggers: Triggers | None = None
+    """Edges on the camera's trigger inputs."""
     opened_as: OpenedAs | None = None
     """How the file at `path` gives these events again; `None` where they lie in memory or were simulated."""
     growth: Growth | None = None
     """Set where these are not yet all events of the file."""
     latest: Callable[[], Recording] | None = field(default=None, repr=False)
-    """Of a recording that is still being made: what it is by now, with all that it was at its beginning."""
+    """Of a recording that is still being made: what it is by now, with all that it was at its beginning.
+
+    It has all events before the stamp of its last frame.
+    """
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)

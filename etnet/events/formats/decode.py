@@ -22,6 +22,7 @@ from etnet.events.formats.columns import (
     signed_polarity,
 )
 from etnet.events.recording import EventSource, Growth, Span
+from etnet.events.triggers import Triggers
 
 FEW = 0.01
 """The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
@@ -49,6 +50,7 @@ class Collected:
     sensor: Sensor
     span: Span
     growth: Growth | None = None
+    triggers: Triggers | None = None
 
 
 @dataclass

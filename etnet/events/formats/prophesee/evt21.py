@@ -14,9 +14,10 @@ import numpy as np
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
 from etnet.events.formats.prophesee.header import CLOCK_PERIOD, Header, tell_turns
+from etnet.events.formats.trigger_table import TriggerTable
 from etnet.events.formats.word_stream import held, set_bits, unrolled
 
-_NEGATIVE, _POSITIVE, _TIME_HIGH = 0x0, 0x1, 0x8
+_NEGATIVE, _POSITIVE, _TIME_HIGH, _TRIGGER = 0x0, 0x1, 0x8, 0xA
 _BLOCK = 1 << 16
 
 
@@ -28,12 +29,17 @@ def open_evt21(request: Request, header: Header) -> Opened:
     if size % 8:
         remarks.repaired(f"{size % 8} bytes after the last whole word were left out; the file may be truncated")
     is_legacy = header.fields.get("endianness", "little") == "legacy"
-    collected = collect(request, _pieces(request, header, size // 8, is_legacy), declared, remarks)
+    table = TriggerTable()
+    collected = collect(request, _pieces(request, header, size // 8, is_legacy, table), declared, remarks)
     tell_turns(collected, remarks)
-    return Opened("Prophesee EVT2.1", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+    triggers = table.triggers(remarks)
+    kept = tuple(remarks.kept)
+    return Opened("Prophesee EVT2.1", collected.source, collected.sensor, collected.span, kept, triggers=triggers)
 
 
-def _pieces(request: Request, header: Header, num_words: int, is_legacy: bool) -> Iterator[Decoded]:
+def _pieces(
+    request: Request, header: Header, num_words: int, is_legacy: bool, table: TriggerTable
+) -> Iterator[Decoded]:
     high, last, turns, is_started = 0, None, 0, False
     with request.path.open("rb") as file:
         file.seek(header.num_bytes)
@@ -48,7 +54,7 @@ def _pieces(request: Request, header: Header, num_words: int, is_legacy: bool) -
             highs = ((words >> np.uint64(32)) & np.uint64(0x0FFFFFFF)).astype(np.int64)
             times = (held(highs, is_high, high) << 6) | ((words >> np.uint64(54)) & np.uint64(0x3F)).astype(np.int64)
             # Words before the first high time have no time at all.
-            chosen = (kind == _NEGATIVE) | (kind == _POSITIVE)
+            chosen = (kind == _NEGATIVE) | (kind == _POSITIVE) | (kind == _TRIGGER)
             if not is_started and bool(is_high.any()):
                 chosen[: int(np.argmax(is_high))] = False
                 is_started = True
@@ -60,7 +66,17 @@ def _pieces(request: Request, header: Header, num_words: int, is_legacy: bool) -
             last_raw = int(stamps[-1]) if len(stamps) else last
             stamps, turns = unrolled(stamps, CLOCK_PERIOD, last, turns)
             last = last_raw
+            is_event = kind[chosen] != _TRIGGER
+            _note_triggers(picked[~is_event], stamps[~is_event], table)
+            picked, stamps, on = picked[is_event], stamps[is_event], (kind[chosen] == _POSITIVE)[is_event]
             rows, bits = set_bits((picked & np.uint64(0xFFFFFFFF)).astype(np.uint32))
             x = ((picked >> np.uint64(43)) & np.uint64(0x7FF)).astype(np.int64)[rows] + bits
             y = ((picked >> np.uint64(32)) & np.uint64(0x7FF)).astype(np.uint16)[rows]
-            yield Decoded(x, y, stamps[rows], (kind[chosen] == _POSITIVE)[rows], done / num_words)
+            yield Decoded(x, y, stamps[rows], on[rows], done / num_words)
+
+
+def _note_triggers(words: np.ndarray, stamps: np.ndarray, table: TriggerTable) -> None:
+    """Bits 44–40 are the input's number, bit 32 tells a rising edge."""
+    channels = (words >> np.uint64(40)) & np.uint64(0x1F)
+    edges = ((words >> np.uint64(32)) & np.uint64(1)).astype(np.int8) * 2 - 1
+    table.add(stamps, channels, edges)

@@ -20,6 +20,7 @@ from etnet.events.formats.paged import check_slice
 from etnet.events.formats.prophesee.evt2_evt3 import EVT, Notes, State, Version
 from etnet.events.formats.prophesee.header import Header
 from etnet.events.formats.prophesee.index import Blocks, index_of
+from etnet.events.formats.trigger_table import TriggerTable
 from etnet.events.index_store import Arrays
 from etnet.events.recording import EventSource, Span
 
@@ -94,13 +95,15 @@ def open_indexed(request: Request, header: Header, declared: Sensor | None, rema
     if index["before"][-1] == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(index["notes"], remarks)
+    table = TriggerTable()
+    table.add(*index["triggers"].T)
     file = request.resources.enter_context(request.path.open("rb"))
     sensor = stated_sensor(request, declared, remarks)
     source = IndexedSource(request, blocks, file, index, t0, sensor or Sensor(1 << 16, 1 << 16))
     if sensor is None:
         sensor = _probed_sensor(source, request, remarks)
         source = replace(source, sensor=sensor)
-    return Collected(source, sensor, _span(source), growth)
+    return Collected(source, sensor, _span(source), growth, table.triggers(remarks, t0))
 
 
 def decode_all(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
@@ -136,7 +139,7 @@ def decode_words(
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(np.array([notes.num_untimed, notes.num_held, notes.farthest_back]), remarks)
-    return collected
+    return replace(collected, triggers=notes.triggers.triggers(remarks, t0))
 
 
 def _blocks(request: Request, header: Header, remarks: Remarks) -> tuple[Blocks, int]:

@@ -33,8 +33,15 @@ def _open(request: Request) -> Opened:
         remarks.detected(f"camera {header.fields['plugin_name']}")
     if version == "2.0":
         tell_turns(collected, remarks)
-    told = tuple(remarks.kept)
-    return Opened(kind, collected.source, collected.sensor, collected.span, told, growth=collected.growth)
+    return Opened(
+        kind,
+        collected.source,
+        collected.sensor,
+        collected.span,
+        tuple(remarks.kept),
+        growth=collected.growth,
+        triggers=collected.triggers,
+    )
 
 
 def _is_raw(request: Request) -> bool:
