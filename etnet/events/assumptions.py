@@ -24,6 +24,8 @@ class Assumptions:
     −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON and the others as OFF.
     `sort` puts stamps in order, `drop_outside` leaves out events beyond the sensor; either makes the reader load the
     whole file. `max_pixels` bounds the sensor and the camera's pictures.
+    `topic` chooses among several cameras: in ROS the topic of the events, after a comma that of the pictures (either
+    may be left out); in AEDAT 4 the number of the event stream.
     """
 
     width: int | None = None
@@ -33,6 +35,7 @@ class Assumptions:
     sort: bool = False
     drop_outside: bool = False
     max_pixels: int = MAX_PIXELS
+    topic: str | None = None
 
     def __post_init__(self) -> None:
         if (self.width is None) != (self.height is None):

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from etnet.events.cache import FrameCache, Scratch
+from etnet.events.formats.aedat import aedat4
+from etnet.events.formats.base import Remarks
 from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.open import open_recording
+from tests.real_data import real_file
 
 Edge = tuple[int, int, int]
 """t in µs, input, +1 or −1."""
@@ -75,3 +80,51 @@ def test_triggers_before_a_streams_first_time_are_none(tmp_path: Path):
         path.write_bytes(head + np.array([word], kind).tobytes() + data)
         with open_recording(path) as recording:
             assert found(recording) == EDGES[:1]
+
+
+def test_triggers_of_aedat_3_tell_their_input_and_edge(tmp_path: Path):
+    def packet(kind: int, words: list[tuple[int, int]]) -> bytes:
+        content = np.array(words, "<u4").tobytes()
+        return struct.pack("<hhiiiiii", kind, 1, 8, 4, 1, len(words), len(words), len(words)) + content
+
+    events = packet(1, [(x << 17 | y << 2 | p << 1 | 1, t) for t, x, y, p in EVENTS])
+    kinds = {2: (0, 1), 3: (0, -1), 4: (0, 0), 6: (1, 1), 7: (1, -1), 8: (1, 0), 9: (2, 1), 10: (2, -1), 11: (2, 0)}
+    # A reset of the clock, and a trigger that is marked as invalid.
+    special = packet(0, [(kind << 1 | 1, 100 * kind) for kind in (1, *kinds)] + [(2 << 1, 5_000)])
+    path = tmp_path / "a.aedat"
+    path.write_bytes(b"#!AER-DAT3.1\r\n#Format: RAW\r\n#Source 1: DAVIS240C\r\n#!END-HEADER\r\n" + events + special)
+    with open_recording(path) as recording:
+        assert found(recording) == [((1 << 31) + 100 * kind, *rest) for kind, rest in kinds.items()]
+        assert any("2 special events" in remark.text for remark in recording.remarks)
+
+
+def test_triggers_of_aedat_2_have_no_edge(tmp_path: Path):
+    words = [(y << 22 | x << 12 | p << 11, t) for t, x, y, p in EVENTS] + [(1 << 10, 40_000), (1 << 10, 41_000)]
+    path = tmp_path / "a.aedat"
+    path.write_bytes(b"#!AER-DAT2.0\r\n# AEChip: Davis240C\r\n" + np.array(words, ">u4").tobytes())
+    with open_recording(path) as recording:
+        assert found(recording) == [(40_000, 0, 0), (41_000, 0, 0)]
+
+
+def test_triggers_of_aedat_4_are_the_edges_of_its_input_alone():
+    records = np.array([(5, 1), (6, 2), (7, 3), (8, 9), (9, 0)], [("t", "<u8"), ("source", "u1")])
+    events = np.array([(1, 2, 3, True), (9, 4, 5, False)], [("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "?")])
+    packets = [{"stream_id": 0, "events": events}, {"stream_id": 1, "triggers": records}]
+    others = aedat4._Others(FrameCache(Scratch("a")))
+    decoder = iter(packets)
+    while aedat4._next_events(decoder, 0, None, others) is not None:
+        pass
+    triggers = others.triggers.triggers(Remarks())
+    assert triggers.stamps.tolist() == [5, 6, 7]
+    assert triggers.edges.tolist() == [1, -1, 0]
+    assert others.num_marks == 2
+
+
+@pytest.mark.real
+def test_a_real_cameras_triggers_lie_within_its_events():
+    with open_recording(real_file("rosbag/event_camera_msgs_evt3_person_2.1s.bag")) as recording:
+        triggers = recording.triggers
+        assert len(triggers) == 4157
+        assert recording.span.start - 1_000 <= triggers.stamps[0]
+        assert triggers.stamps[-1] <= recording.span.stop + 1_000
+        assert set(triggers.edges.tolist()) == {-1, 1}

@@ -67,14 +67,14 @@ def decode_evt2(words: UInt32[np.ndarray, " n"], state: State, notes: Notes) -> 
     kind = words >> np.uint32(28)
     highs, places = np.flatnonzero(kind == _EVT2_HIGH), np.flatnonzero(kind < 2)
     triggers = np.flatnonzero(kind == TRIGGER)
-    places = _timed(places, highs, state, notes)
+    places = timed_places(places, highs, state, notes)
     events = words[places]
-    times, after = _high_times(words[highs] & 0xFFFFFFF, 28, state)
+    times, after = high_times(words[highs] & 0xFFFFFFF, 28, state)
     _note_evt2_triggers(words[triggers], np.searchsorted(highs, triggers), times, state, notes)
     t = _filled(times, np.searchsorted(places, highs), len(events), max(state.high, 0) + (state.turns << 28))
     t <<= 6
     t |= (events >> np.uint32(22)) & 0x3F
-    t = _held(t, state.last, notes)
+    t = held_stamps(t, state.last, notes)
     x, y = ((events >> np.uint32(11)) & 0x7FF).astype(np.uint16), (events & 0x7FF).astype(np.uint16)
     last = int(t[-1]) if len(t) else state.last
     return Decoded(x, y, t, (events >> np.uint32(28)).astype(bool)), after._replace(last=last)
@@ -186,14 +186,14 @@ def _clock(
     is_high = kind[clock] == _HIGH
     highs = np.flatnonzero(is_high)
     value = words[clock] & np.uint16(0xFFF)
-    high_times, after = _high_times(value[highs], 12, state)
+    after_high, after = high_times(value[highs], 12, state)
     # A high time begins with the low time 0.
     times = value.astype(np.int64)
     times[highs] = 0
     start = max(state.high, 0) + (state.turns << 12)
-    times |= np.repeat(np.append(np.int64(start), high_times), np.diff(highs, prepend=0, append=len(clock))) << 12
+    times |= np.repeat(np.append(np.int64(start), after_high), np.diff(highs, prepend=0, append=len(clock))) << 12
     # Cameras repeat the high time as they go, with no step back: only low times tell of one.
-    times = _held(times, state.last, notes, ~is_high)
+    times = held_stamps(times, state.last, notes, ~is_high)
     return clock, times, after._replace(last=int(times[-1]) if len(times) else state.last)
 
 
@@ -255,7 +255,7 @@ def _filled(
     return np.repeat(np.concatenate([first, values]), counts)
 
 
-def _high_times(values: Shaped[np.ndarray, " m"], bits: int, state: State) -> tuple[Int64[np.ndarray, " m"], State]:
+def high_times(values: Shaped[np.ndarray, " m"], bits: int, state: State) -> tuple[Int64[np.ndarray, " m"], State]:
     """High times as ever growing ones, and the state after them."""
     counters = values.astype(np.int64)
     if len(counters) == 0:
@@ -265,7 +265,7 @@ def _high_times(values: Shaped[np.ndarray, " m"], bits: int, state: State) -> tu
     return counters + (turns << bits), state._replace(turns=int(turns[-1]), high=int(counters[-1]))
 
 
-def _timed(
+def timed_places(
     places: Int64[np.ndarray, " n"], highs: Int64[np.ndarray, " m"], state: State, notes: Notes
 ) -> Int64[np.ndarray, " k"]:
     """Without the event words before the stream's first high time."""
@@ -276,7 +276,7 @@ def _timed(
     return places[first:]
 
 
-def _held(
+def held_stamps(
     t: Int64[np.ndarray, " n"], last: int, notes: Notes, is_told: Bool[np.ndarray, " n"] | bool = True
 ) -> Int64[np.ndarray, " n"]:
     """Stamps that step back are held at the largest one before them; noted where `is_told`."""

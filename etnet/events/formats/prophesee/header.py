@@ -42,6 +42,12 @@ class Header:
         name = self.fields.get("format", "").split(";")[0].strip().upper()
         return {"EVT2": "2.0", "EVT21": "2.1", "EVT3": "3.0"}.get(name)
 
+    @property
+    def layout(self) -> str:
+        """The EVT version, and whether the halves of its words are swapped."""
+        is_legacy = self.version == "2.1" and self.fields.get("endianness", "little") == "legacy"
+        return f"{self.version} legacy" if is_legacy else str(self.version)
+
     def sensor(self, name: str, remarks: Remarks, is_stated: bool) -> Sensor | None:
         """From geometry, format or (saying so) the camera's model."""
         sides = self.fields.get("geometry", "").split("x")

@@ -1,4 +1,4 @@
-"""EVT 2.0 and 3.0: a large file is gone through once for an index of its blocks, which is kept, and read by slice."""
+"""RAW files: a large one is gone through once for an index of its blocks, which is kept, and read by slice."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, signed_polarity
 from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.paged import check_slice
-from etnet.events.formats.prophesee.evt2_evt3 import EVT, Notes, State, Version
+from etnet.events.formats.prophesee.evt2_evt3 import Notes, State, Version
 from etnet.events.formats.prophesee.header import Header
 from etnet.events.formats.prophesee.index import Blocks, index_of
 from etnet.events.formats.trigger_table import TriggerTable
@@ -88,10 +88,12 @@ class IndexedSource:
         """The file belongs to the request's resources."""
 
 
-def open_indexed(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
+def open_indexed(
+    request: Request, header: Header, version: Version, declared: Sensor | None, remarks: Remarks
+) -> Collected:
     """The events by slice; the index from the cache folder, else made now as far as the request's patience goes."""
-    blocks, t0 = _blocks(request, header, remarks)
-    index, growth = index_of(request, blocks, header.version or "", remarks)
+    blocks, t0 = _blocks(request, header, version, remarks)
+    index, growth = index_of(request, blocks, header.layout, remarks)
     if index["before"][-1] == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(index["notes"], remarks)
@@ -106,16 +108,18 @@ def open_indexed(request: Request, header: Header, declared: Sensor | None, rema
     return Collected(source, sensor, _span(source), growth, table.triggers(remarks, t0))
 
 
-def decode_all(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
+def decode_all(
+    request: Request, header: Header, version: Version, declared: Sensor | None, remarks: Remarks
+) -> Collected:
     """The events of a small file, decoded at once."""
-    blocks, t0 = _blocks(request, header, remarks)
+    blocks, t0 = _blocks(request, header, version, remarks)
 
     def parts() -> Iterator[tuple[np.ndarray, float]]:
         with request.path.open("rb") as file:
             for i in range(blocks.num_blocks):
                 yield blocks.words(file, i), (i + 1) / blocks.num_blocks
 
-    return decode_words(request, blocks.version, parts(), t0, declared, remarks)
+    return decode_words(request, version, parts(), t0, declared, remarks)
 
 
 def decode_words(
@@ -142,9 +146,8 @@ def decode_words(
     return replace(collected, triggers=notes.triggers.triggers(remarks, t0))
 
 
-def _blocks(request: Request, header: Header, remarks: Remarks) -> tuple[Blocks, int]:
+def _blocks(request: Request, header: Header, version: Version, remarks: Remarks) -> tuple[Blocks, int]:
     """The words after the header, and the stamp from which they count."""
-    version = EVT[header.version or ""]
     size = request.path.stat().st_size - header.num_bytes
     rest = size % version.word.itemsize
     if rest:

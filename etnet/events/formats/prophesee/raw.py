@@ -1,40 +1,41 @@
 """Prophesee RAW files: the header, and who decodes what follows it.
 
-EVT 2.0 and 3.0 are decoded in `indexed`, EVT 2.1 in `evt21`.
+How the words of each EVT version are read stands in `evt2_evt3` and `evt21`.
 """
 
 from __future__ import annotations
 
 from etnet.errors import RecordingError
 from etnet.events.formats.base import Format, Opened, Remarks, Request
-from etnet.events.formats.prophesee.evt21 import open_evt21
+from etnet.events.formats.prophesee.evt2_evt3 import EVT
+from etnet.events.formats.prophesee.evt21 import EVT21, EVT21_LEGACY
 from etnet.events.formats.prophesee.header import read_header, tell_turns
 from etnet.events.formats.prophesee.indexed import decode_all, open_indexed
 
 INDEXED_BYTES = 64 << 20
 """Files from this size on are indexed and read by slice; smaller ones are decoded at once."""
 
+_LATER = {"2.1": EVT21, "2.1 legacy": EVT21_LEGACY}
+
 
 def _open(request: Request) -> Opened:
     header = read_header(request)
-    version = header.version
-    if version == "2.1":
-        return open_evt21(request, header)
-    if version not in ("2.0", "3.0"):
+    version = EVT.get(header.layout) or _LATER.get(header.layout)
+    if version is None:
         raise RecordingError(
-            f"{request.name}: a RAW file of EVT version {version or 'not named'}; 2.0, 2.1 and 3.0 are read"
+            f"{request.name}: a RAW file of EVT version {header.version or 'not named'}; 2.0, 2.1 and 3.0 are read"
         )
     remarks = Remarks()
     declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
-    kind = f"Prophesee EVT{version[0]}"
     is_large = request.path.stat().st_size >= INDEXED_BYTES and not request.assume.drop_outside
-    collected = (open_indexed if is_large else decode_all)(request, header, declared, remarks)
+    reader = open_indexed if is_large else decode_all
+    collected = reader(request, header, version, declared, remarks)
     if "camera" not in header.fields and "plugin_name" in header.fields:
         remarks.detected(f"camera {header.fields['plugin_name']}")
-    if version == "2.0":
+    if header.version != "3.0":
         tell_turns(collected, remarks)
     return Opened(
-        kind,
+        f"Prophesee EVT{(header.version or '').removesuffix('.0')}",
         collected.source,
         collected.sensor,
         collected.span,
