@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import eventcv
+import faery
+import h5py
 import numpy as np
 import pytest
 
@@ -14,7 +18,11 @@ from etnet.events.formats.aedat import aedat4
 from etnet.events.formats.base import Remarks
 from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.open import open_recording
+from etnet.events.recording import recording_of_events
+from etnet.events.triggers import Triggers
+from etnet.events.write import write_recording
 from tests.real_data import real_file
+from tests.strategies import make_events
 
 Edge = tuple[int, int, int]
 """t in µs, input, +1 or −1."""
@@ -128,3 +136,66 @@ def test_a_real_cameras_triggers_lie_within_its_events():
         assert recording.span.start - 1_000 <= triggers.stamps[0]
         assert triggers.stamps[-1] <= recording.span.stop + 1_000
         assert set(triggers.edges.tolist()) == {-1, 1}
+
+
+def triggered(edges: list[Edge], events) -> object:
+    stamps, channels, signs = (np.array(column) for column in zip(*sorted(edges), strict=True))
+    triggers = Triggers(stamps.astype(np.int64), channels.astype(np.int16), signs.astype(np.int8))
+    return replace(recording_of_events(events), triggers=triggers)
+
+
+@pytest.mark.parametrize("block", [1 << 20, 50])
+@pytest.mark.parametrize("pause", [0, 9_000_000, 40_000_000])
+def test_triggers_come_back_from_evt3_and_leave_every_reader_its_events(tmp_path: Path, monkeypatch, pause, block):
+    monkeypatch.setattr("etnet.events.formats.prophesee.trigger_words._BLOCK", block)
+    events = make_events(3_000, duration=200_000)
+    t = events.t + 77
+    t[1500:] += pause
+    events = replace(events, t=t)
+    rng = np.random.default_rng(0)
+    stamps = np.unique(np.append(rng.integers(t[0], t[-1] + 1, 200), [t[0], t[0] + 1, t[1499] + 1, t[1500], t[-1]]))
+    edges = [(int(stamp), int(rng.integers(0, 16)), int(rng.choice([-1, 1]))) for stamp in stamps]
+    edges = sorted([*edges, (edges[5][0], 1, 1)])
+    outside = [(int(t[0]) - 5, 0, 1), (int(t[-1]) + 5, 0, 1)]
+    path, plain = tmp_path / "a.raw", tmp_path / "b.raw"
+    remarks = write_recording(triggered(edges + outside, events), path)
+    write_recording(recording_of_events(events), plain)
+    assert any(f"{len(edges)} triggers among the events were written" in remark.text for remark in remarks)
+    with open_recording(path) as back:
+        assert sorted(found(back)) == edges
+        read = back.read(0, back.num_events)
+        for axis in "xytp":
+            np.testing.assert_array_equal(getattr(read, axis), getattr(events, axis))
+    theirs, without = (np.concatenate(list(faery.events_stream_from_file(each))) for each in (path, plain))
+    np.testing.assert_array_equal(theirs, without)
+    np.testing.assert_array_equal(eventcv.load(str(path)).numpy(), eventcv.load(str(plain)).numpy())
+
+
+def test_a_layout_without_triggers_says_so(tmp_path: Path):
+    remarks = write_recording(triggered([(5, 0, 1), (6, 0, -1)], make_events(100)), tmp_path / "a.npz")
+    assert any("2 triggers were not written" in remark.text for remark in remarks)
+
+
+@pytest.mark.parametrize("is_readable", [True, False])
+def test_triggers_of_metavision_hdf5(tmp_path: Path, is_readable: bool):
+    path = tmp_path / "a.h5"
+    events = np.array(EVENTS, [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "<i2")])
+    fields = [("p", "<i2"), ("t", "<i8"), ("id", "<i2")] if is_readable else [("q", "<i2")]
+    rows = [(int(edge > 0), t, channel) if is_readable else (1,) for t, channel, edge in EDGES]
+    with h5py.File(path, "w") as file:
+        file["CD/events"] = events
+        file["EXT_TRIGGER/events"] = np.array(rows, fields)
+        file.attrs["geometry"] = "64x32"
+    with open_recording(path) as recording:
+        if is_readable:
+            assert found(recording) == EDGES
+        else:
+            assert recording.triggers is None
+            assert any("4 triggers, which cannot be read" in remark.text for remark in recording.remarks)
+
+
+def test_triggers_are_chosen_by_input_and_edge():
+    triggers = triggered(EDGES, make_events(10)).triggers
+    assert triggers.chosen(channel=0).stamps.tolist() == [500, 7_000]
+    assert triggers.chosen(edge=1).stamps.tolist() == [500, 7_000, 39_500]
+    assert triggers.chosen(channel=0, edge=-1).stamps.tolist() == [7_000]

@@ -178,6 +178,13 @@ def _note_evt3_triggers(
         notes.triggers.add(stamps, (found >> np.uint16(8)) & np.uint16(0xF), edges)
 
 
+def clock_words(
+    words: UInt16[np.ndarray, " n"], state: State, notes: Notes
+) -> tuple[Int64[np.ndarray, " m"], Int64[np.ndarray, " m"], State]:
+    """Where EVT 3.0's time words are among `words`, the stamp from each on, and the state with the time after them."""
+    return _clock(words, _kinds(words, state, notes), state, notes)
+
+
 def _clock(
     words: UInt16[np.ndarray, " n"], kind: UInt8[np.ndarray, " n"], state: State, notes: Notes
 ) -> tuple[Int64[np.ndarray, " m"], Int64[np.ndarray, " m"], State]:
