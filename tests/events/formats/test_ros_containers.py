@@ -60,16 +60,21 @@ def test_bags_of_every_compression_hold_the_events_that_went_in(tmp_path, compre
         assert not any("index" in remark.text for remark in recording.remarks)
 
 
+def killed_bag(path, share: float = 0.8, compression: str | None = None):
+    """A bag that lost its end, as of a recorder that was killed."""
+    content = bytearray(bag(path.with_name("whole.bag"), compression).read_bytes())
+    path.with_name("whole.bag").unlink()
+    place = content.index(b"index_pos=") + len(b"index_pos=")
+    content[place : place + 8] = bytes(8)
+    # The first record is padded to 4096 bytes.
+    path.write_bytes(content[: 4096 + int((len(content) - 4096) * share)])
+    return path
+
+
 @pytest.mark.parametrize("compression", [None, "LZ4"])
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
 def test_a_killed_bag_is_read_as_far_as_it_goes(tmp_path, compression, share):
-    content = bytearray(bag(tmp_path / "a.bag", compression).read_bytes())
-    place = content.index(b"index_pos=") + len(b"index_pos=")
-    content[place : place + 8] = bytes(8)
-    path = tmp_path / "a.bag.active"
-    # The first record is padded to 4096 bytes.
-    path.write_bytes(content[: 4096 + int((len(content) - 4096) * share)])
-    with open_recording(path) as recording:
+    with open_recording(killed_bag(tmp_path / "a.bag.active", share, compression)) as recording:
         read = all_events(recording)
         assert 0 < len(read) < 1200
         assert len(read) % 30 == 0
@@ -189,35 +194,43 @@ def test_opening_can_be_cancelled_within_a_container(tmp_path, monkeypatch, kind
         open_recording(path, progress=stop)
 
 
-@pytest.mark.parametrize(("encoding", "version"), [("evt2", "2.0"), ("evt21", "2.1"), ("evt3", "3.0")])
-@pytest.mark.parametrize("is_legacy", [False, True])
-def test_packets_of_every_prophesee_encoding_are_one_stream_with_its_triggers(tmp_path, encoding, version, is_legacy):
-    events = [(1000 * i, i % 60, i % 30, i % 2) for i in range(40)]
-    content = raw_words(version, events, EDGES)
-    data = content[content.index(b"% end\n") + 6 :]
-    if is_legacy and encoding == "evt21":
-        halves = np.frombuffer(data, "<u4").reshape(-1, 2)
-        data = np.ascontiguousarray(halves[:, ::-1]).tobytes()
+PACKED_EVENTS = [(1000 * i, i % 60, i % 30, i % 2) for i in range(40)]
+
+
+def write_packets(path, encoding: str, data: bytes) -> None:
+    """Two packets of a Prophesee camera's words."""
     store = store_of(True)
     fields = {"height": 32, "width": 64, "seq": 3, "time_base": 0, "encoding": encoding, "is_bigendian": False}
     half = len(data) // 16 * 8
-    messages = [
-        serialise(
-            store,
-            store.types[PACKET_TYPE](
-                header=header_of(store, True, "c"), events=np.frombuffer(part, np.uint8), **fields
-            ),
-            PACKET_TYPE,
-            True,
-        )
-        for part in (data[:half], data[half:])
-    ]
-    path = tmp_path / "a.mcap"
+    messages = []
+    for part in (data[:half], data[half:]):
+        octets = np.frombuffer(part, np.uint8)
+        packet = store.types[PACKET_TYPE](header=header_of(store, True, "c"), events=octets, **fields)
+        messages.append(serialise(store, packet, PACKET_TYPE, True))
     write_mcap(path, messages, "", PACKET_TYPE)
-    with open_recording(path) as recording:
+
+
+def words_of(version: str) -> bytes:
+    content = raw_words(version, PACKED_EVENTS, EDGES)
+    return content[content.index(b"% end\n") + 6 :]
+
+
+def packets_of_evt21(path) -> None:
+    """As a camera of EVT 2.1 sends them."""
+    write_packets(path, "evt21", words_of("2.1"))
+
+
+@pytest.mark.parametrize(("encoding", "version"), [("evt2", "2.0"), ("evt21", "2.1"), ("evt3", "3.0")])
+@pytest.mark.parametrize("is_legacy", [False, True])
+def test_packets_of_every_prophesee_encoding_are_one_stream_with_its_triggers(tmp_path, encoding, version, is_legacy):
+    data = words_of(version)
+    if is_legacy and encoding == "evt21":
+        data = np.ascontiguousarray(np.frombuffer(data, "<u4").reshape(-1, 2)[:, ::-1]).tobytes()
+    write_packets(tmp_path / "a.mcap", encoding, data)
+    with open_recording(tmp_path / "a.mcap") as recording:
         read = all_events(recording)
-        assert read.t.tolist() == [t for t, *_ in events]
-        assert read.x.tolist() == [x for _, x, _, _ in events]
+        assert read.t.tolist() == [t for t, *_ in PACKED_EVENTS]
+        assert read.x.tolist() == [x for _, x, _, _ in PACKED_EVENTS]
         assert found(recording) == EDGES
 
 
