@@ -39,9 +39,8 @@ def put_triggers(path: Path, triggers: Triggers) -> None:
                     words = _filled(words, clock, times, _part(triggers, first, place), high)
                     high = int(times[-1]) >> 12
                 words.tofile(target)
-            _filled(*(np.empty(0, kind) for kind in ("<u2", np.int64, np.int64)), _part(triggers, place), high).tofile(
-                target
-            )
+            no_words, no_times = np.empty(0, "<u2"), np.empty(0, np.int64)
+            _filled(no_words, no_times, no_times, _part(triggers, place), high).tofile(target)
         os.replace(filled, path)
     finally:
         filled.unlink(missing_ok=True)
