@@ -9,6 +9,8 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
 
 _LARGEST = 64 << 20
+_MARK, _PERIOD = 240, 1 << 13
+"""The sensor, an ATIS, has rows 0 … 239."""
 
 
 def _open(request: Request) -> Opened:
@@ -25,10 +27,21 @@ def _open(request: Request) -> Opened:
         )
     rows = octets.reshape(-1, 5).astype(np.int64)
     stamps = ((rows[:, 2] & 0x7F) << 16) | (rows[:, 3] << 8) | rows[:, 4]
+    rows, stamps = _without_marks(rows, stamps, remarks)
     remarks.assumed("five-byte events as in N-MNIST: a .bin file says nothing about itself")
     pieces = [Decoded(rows[:, 0], rows[:, 1], stamps, rows[:, 2] >> 7, 1.0)]
     collected = collect(request, pieces, None, remarks)
     return Opened("N-MNIST .bin", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+
+
+def _without_marks(rows: np.ndarray, stamps: np.ndarray, remarks: Remarks) -> tuple[np.ndarray, np.ndarray]:
+    """Events alone. A row y = 240, below the sensor, marks that the recorder's clock of 13 bits began anew."""
+    is_mark = rows[:, 1] == _MARK
+    if not is_mark.any():
+        return rows, stamps
+    remarks.repaired(f"{int(is_mark.sum())} marks of the recorder's clock were taken into the stamps")
+    later = stamps + np.cumsum(is_mark) * _PERIOD
+    return rows[~is_mark], later[~is_mark]
 
 
 FORTY_BITS = Format(

@@ -247,3 +247,14 @@ def test_an_hdf5_file_may_be_open_elsewhere_in_the_same_process(locking, tmp_pat
         assert_holds(recording)
     with open_recording(path) as recording, h5py.File(path, "r") as file:
         assert len(file["events/xs"]) == recording.num_events
+
+
+def test_the_marks_of_nmnists_clock_move_what_comes_after_them(tmp_path):
+    rows = [(1, 2, 100), (3, 4, 8000), (0, 240, 8192), (5, 6, 10), (0, 240, 0), (7, 8, 20)]
+    content = b"".join(struct.pack(">BBI", x, y, (1 << 23 | t) << 8)[:5] for x, y, t in rows)
+    (tmp_path / "a.bin").write_bytes(content)
+    with open_recording(tmp_path / "a.bin") as recording:
+        events = all_events(recording)
+        assert events.t.tolist() == [100, 8000, 8192 + 10, 2 * 8192 + 20]
+        assert events.x.tolist() == [1, 3, 5, 7]
+        assert any("2 marks" in remark.text for remark in recording.remarks)

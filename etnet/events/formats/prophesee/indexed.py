@@ -30,6 +30,12 @@ HELD_BYTES = 96 << 20
 _BYTES_PER_EVENT = 13
 _SOME_BLOCKS = 32
 
+_FARTHEST_SLIP = 1_000_000
+"""µs. Beyond it a step back is no slip of the camera's clock, …"""
+
+_MOST_HELD = 0.01
+"""… and where so large a share of the stamps would be held at the last one before, they would mean nothing."""
+
 
 @dataclass(frozen=True)
 class IndexedSource:
@@ -96,7 +102,7 @@ def open_indexed(
     index, growth = index_of(request, blocks, header.layout, remarks)
     if index["before"][-1] == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    _say(index["notes"], remarks)
+    _say(index["notes"], int(index["before"][-1]), request.name, remarks)
     table = TriggerTable()
     table.add(*index["triggers"].T)
     file = request.resources.enter_context(request.path.open("rb"))
@@ -142,7 +148,8 @@ def decode_words(
     collected = collect(request, pieces(), declared, remarks)
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    _say(np.array([notes.num_untimed, notes.num_held, notes.farthest_back]), remarks)
+    told = np.array([notes.num_untimed, notes.num_held, notes.farthest_back])
+    _say(told, collected.source.num_events, request.name, remarks)
     return replace(collected, triggers=notes.triggers.triggers(remarks, t0))
 
 
@@ -164,8 +171,13 @@ def _span(source: EventSource) -> Span:
     return Span(int(source.read(0, 1).t[0]), int(source.read(last, last + 1).t[0]))
 
 
-def _say(notes: Int64[np.ndarray, " 3"], remarks: Remarks) -> None:
+def _say(notes: Int64[np.ndarray, " 3"], num_events: int, name: str, remarks: Remarks) -> None:
     num_untimed, num_held, farthest = (int(value) for value in notes)
+    if farthest > _FARTHEST_SLIP and num_held > _MOST_HELD * num_events:
+        raise RecordingError(
+            f"{name}: time runs back by {farthest / 1e6:.1f} s and stays behind for {num_held:,} stamps: the clock "
+            "restarts (several recordings in one file: cut it where each begins) or a time in it is damaged"
+        )
     if num_untimed:
         remarks.repaired(f"{num_untimed} words before the stream's first time were left out")
     if num_held:

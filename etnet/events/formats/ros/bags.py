@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -219,7 +220,8 @@ def _joined(first: Packet, parts: Iterator[Decoded | Packet]) -> Iterator[list[P
 
 
 def _contents(request: Request) -> Contents:
-    return Contents(lambda kind: kind in EVENT_ARRAYS + EVENT_PACKETS + IMAGES, lambda _: request.progress(0.0))
+    wanted = EVENT_ARRAYS + EVENT_PACKETS + IMAGES
+    return Contents(lambda kind: kind in wanted, lambda fraction: request.progress(min(fraction, 0.99)))
 
 
 def _opener(what: str, read: ReadMessages, is_cdr: bool) -> Callable[[Request], Opened]:
@@ -230,6 +232,10 @@ def _opener(what: str, read: ReadMessages, is_cdr: bool) -> Callable[[Request], 
     return opened
 
 
+def _tell_part(request: Request, number: int, count: int, fraction: float) -> None:
+    request.progress(min((number + fraction) / count, 0.99))
+
+
 def _open_folder(request: Request) -> Opened:
     """The folder of a ROS 2 recording: its parts one after the other."""
     remarks, store, contents = Remarks(), FolderStore(request.path), _contents(request)
@@ -238,6 +244,7 @@ def _open_folder(request: Request) -> Opened:
     def messages() -> Iterator[Message]:
         for number, part in enumerate(parts):
             reader = read_mcap if part.suffix == ".mcap" else read_database
+            contents.tick = partial(_tell_part, request, number, len(parts))
             for message in reader(part, contents):
                 yield message._replace(fraction=(number + message.fraction) / len(parts))
 
