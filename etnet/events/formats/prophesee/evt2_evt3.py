@@ -125,7 +125,11 @@ def decode_evt3(words: UInt16[np.ndarray, " n"], state: State, notes: Notes) -> 
     if not len(vectors):
         pixels = words[singles]
         return Decoded(pixels & np.uint16(0x7FF), y, t, pixels & np.uint16(0x800) != 0), after
-    x, on = _with_masks(words[singles], before[vectors], Masks(masks, start, base_on))
+    masked = Masks(masks, counts[vectors], start, base_on)
+    if not len(singles):
+        x, on = _columns_of(masked)
+        return Decoded(x, y, t, on), after
+    x, on = _with_masks(words[singles], before[singles], before[vectors], masked)
     return Decoded(x, y, t, on), after
 
 
@@ -220,30 +224,50 @@ def _vector_starts(
 
 @dataclass(frozen=True)
 class Masks:
-    """Words with a mask: its bits, the pixel of its first bit, the polarity."""
+    """Words with a mask: its bits, how many are set, the pixel of its first bit, the polarity."""
 
     bits: UInt16[np.ndarray, " n"]
+    counts: UInt8[np.ndarray, " n"]
     start: Int64[np.ndarray, " n"]
     is_on: Bool[np.ndarray, " n"]
 
 
+def _columns_of(masks: Masks) -> tuple[Integer[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """x and polarity of all pixels in masks, in the order of the masks and of x."""
+    bits = np.flatnonzero(np.unpackbits(masks.bits.view(np.uint8), bitorder="little"))
+    # Bits are counted on from mask to mask, 16 in each.
+    x = np.repeat(masks.start - 16 * np.arange(len(masks.start)), masks.counts)
+    x += bits
+    # A base that was moved beyond 16 bits is no pixel: the pixel is named as the events are collected.
+    is_pixel = not len(masks.start) or int(masks.start.max()) < (1 << 16) - 16
+    return x.astype(np.uint16) if is_pixel else x, np.repeat(masks.is_on, masks.counts)
+
+
 def _with_masks(
-    singles: UInt16[np.ndarray, " k"], ends: Integer[np.ndarray, " m"], masks: Masks
-) -> tuple[Shaped[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """x and polarity of all events: those of masks up to their mask's end, the words with one pixel between them."""
-    counts = np.bitwise_count(masks.bits).astype(np.int64)
-    bits = np.flatnonzero(np.unpackbits(masks.bits.view(np.uint8), bitorder="little")) & 15
-    places = np.repeat(ends - np.cumsum(counts), counts) + np.arange(len(bits))
-    x_of_masks = np.repeat(masks.start, counts) + bits
-    is_single = np.ones(len(singles) + len(bits), bool)
+    singles: UInt16[np.ndarray, " k"],
+    ends_of_singles: Integer[np.ndarray, " k"],
+    ends_of_masks: Integer[np.ndarray, " m"],
+    masks: Masks,
+) -> tuple[Integer[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """x and polarity of all events: masks and words with one pixel, each up to its end among the events."""
+    x_of_masks, on_of_masks = _columns_of(masks)
+    num = len(singles) + len(x_of_masks)
+    if 2 * len(singles) < num:
+        places = ends_of_singles - 1
+        is_masked = np.ones(num, bool)
+        is_masked[places] = False
+        x, on = np.empty(num, x_of_masks.dtype), np.empty(num, bool)
+        x[is_masked], on[is_masked] = x_of_masks, on_of_masks
+        x[places], on[places] = singles & np.uint16(0x7FF), singles & np.uint16(0x800) != 0
+        return x, on
+    first = ends_of_masks - np.cumsum(masks.counts, dtype=np.int64)
+    places = np.repeat(first, masks.counts) + np.arange(len(x_of_masks))
+    is_single = np.ones(num, bool)
     is_single[places] = False
-    pixels = np.empty(len(is_single), np.uint16)
+    pixels = np.empty(num, np.uint16)
     pixels[is_single] = singles
-    x, on = pixels & np.uint16(0x7FF), pixels & np.uint16(0x800) != 0
-    if x_of_masks.max(initial=0) >= 1 << 16:
-        # A base that was moved as far is no pixel: the pixel is named as the events are collected.
-        x = x.astype(np.int64)
-    x[places], on[places] = x_of_masks, np.repeat(masks.is_on, counts)
+    x, on = (pixels & np.uint16(0x7FF)).astype(x_of_masks.dtype, copy=False), pixels & np.uint16(0x800) != 0
+    x[places], on[places] = x_of_masks, on_of_masks
     return x, on
 
 
