@@ -8,6 +8,7 @@ from typing import Literal
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
+from etnet.events.formats.bounds import MAX_PIXELS
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
@@ -22,7 +23,7 @@ class Assumptions:
     `width`, `height`: the sensor, both or neither. `time_unit`: what the stamps count. `polarity`: "auto" takes 0/1 and
     −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON and the others as OFF.
     `sort` puts stamps in order, `drop_outside` leaves out events beyond the sensor; either makes the reader load the
-    whole file.
+    whole file. `max_pixels` bounds the sensor and the camera's pictures.
     """
 
     width: int | None = None
@@ -31,6 +32,7 @@ class Assumptions:
     polarity: Literal["auto", "inverted", "positive"] = "auto"
     sort: bool = False
     drop_outside: bool = False
+    max_pixels: int = MAX_PIXELS
 
     def __post_init__(self) -> None:
         if (self.width is None) != (self.height is None):
@@ -38,6 +40,8 @@ class Assumptions:
         for side in (self.width, self.height):
             if side is not None and not 0 < side <= 65_536:
                 raise RecordingError(f"an assumed sensor side is {side}; it must be in 1 … 65,536 pixels")
+        if self.max_pixels < 1:
+            raise RecordingError(f"the bound on pixels is {self.max_pixels}; it is at least 1")
         if self.time_unit not in (None, "s", "ms", "us", "ns"):
             raise RecordingError(f'the assumed time unit is "{self.time_unit}"; it is one of s, ms, us, ns')
         if self.polarity not in ("auto", "inverted", "positive"):

@@ -8,6 +8,7 @@ from typing import Literal
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import Assumptions
+from etnet.events.formats.bounds import MAX_PIXELS
 
 
 @dataclass(frozen=True)
@@ -24,17 +25,19 @@ class Stated:
     """"auto" takes 0/1 and −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON."""
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     """What the stamps count."""
+    max_pixels: int = MAX_PIXELS
+    """Most pixels of a sensor or camera picture that a file may declare."""
 
     @staticmethod
     def of(assumed: Assumptions) -> Stated:
         """What has to be stated for a reader to assume this."""
         size = None if assumed.sensor is None else f"width={assumed.width},height={assumed.height}"
-        return Stated(size, assumed.sort, assumed.drop_outside, assumed.polarity, assumed.time_unit)
+        return Stated(size, assumed.sort, assumed.drop_outside, assumed.polarity, assumed.time_unit, assumed.max_pixels)
 
     def assumptions(self) -> Assumptions:
         """The same, for a reader."""
         width, height = _sensor(self.assume)
-        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside)
+        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside, self.max_pixels)
 
 
 def _sensor(text: str | None) -> tuple[int | None, int | None]:

@@ -13,6 +13,7 @@ from etnet.errors import RecordingError
 from etnet.events.cache import Columns, ColumnSource, EventCache
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
+from etnet.events.formats.bounds import check_sensor
 from etnet.events.formats.columns import (
     LARGEST_STAMP,
     deduced_sensor,
@@ -129,8 +130,11 @@ def collect(request: Request, pieces: Iterable[Decoded], declared: Sensor | None
 
 
 def stated_sensor(request: Request, declared: Sensor | None, remarks: Remarks) -> Sensor | None:
-    """The sensor a person states, else the one the file declares."""
+    """The sensor a person states, else the one the file declares; an error for one with more pixels than allowed."""
     stated = request.assume.sensor
+    sensor = declared if stated is None else stated
+    if sensor is not None:
+        check_sensor(sensor, request.name, request.assume.max_pixels)
     if stated is None:
         return declared
     was = f"; the file says {declared}" if declared is not None and declared != stated else ""
