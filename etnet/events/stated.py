@@ -27,17 +27,29 @@ class Stated:
     """What the stamps count."""
     max_pixels: int = MAX_PIXELS
     """Most pixels of a sensor or camera picture that a file may declare."""
+    pixels: Literal["whole", "rounded", "32nds", "from1"] = "whole"
+    """"rounded" rounds fractions, "32nds" divides fixed-point coordinates, "from1" takes a count from 1 to 0."""
 
     @staticmethod
     def of(assumed: Assumptions) -> Stated:
         """What has to be stated for a reader to assume this."""
         size = None if assumed.sensor is None else f"width={assumed.width},height={assumed.height}"
-        return Stated(size, assumed.sort, assumed.drop_outside, assumed.polarity, assumed.time_unit, assumed.max_pixels)
+        return Stated(
+            size,
+            assumed.sort,
+            assumed.drop_outside,
+            assumed.polarity,
+            assumed.time_unit,
+            assumed.max_pixels,
+            assumed.pixels,
+        )
 
     def assumptions(self) -> Assumptions:
         """The same, for a reader."""
         width, height = _sensor(self.assume)
-        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside, self.max_pixels)
+        return Assumptions(
+            width, height, self.time_unit, self.polarity, self.sort, self.drop_outside, self.max_pixels, self.pixels
+        )
 
 
 def _sensor(text: str | None) -> tuple[int | None, int | None]:

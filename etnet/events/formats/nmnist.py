@@ -9,6 +9,8 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
 
 _LARGEST = 64 << 20
+_MOST_BACK = 0.01
+"""Share of events before their predecessor from which on these are no stamps."""
 
 
 def _open(request: Request) -> Opened:
@@ -25,6 +27,12 @@ def _open(request: Request) -> Opened:
         )
     rows = octets.reshape(-1, 5).astype(np.int64)
     stamps = ((rows[:, 2] & 0x7F) << 16) | (rows[:, 3] << 8) | rows[:, 4]
+    num_back = int(np.count_nonzero(np.diff(stamps) < 0))
+    if num_back > max(3, _MOST_BACK * len(stamps)):
+        raise RecordingError(
+            f"{request.name}: read as N-MNIST's five-byte events its time runs back at {num_back:,} of {len(stamps):,}, "
+            "so it is none; give it the suffix of its format, or convert it"
+        )
     remarks.assumed("five-byte events as in N-MNIST: a .bin file says nothing about itself")
     pieces = [Decoded(rows[:, 0], rows[:, 1], stamps, rows[:, 2] >> 7, 1.0)]
     collected = collect(request, pieces, None, remarks)

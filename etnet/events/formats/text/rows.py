@@ -7,6 +7,7 @@ line through `decimal`, which is slow and forgives more. Both give the same numb
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
@@ -16,6 +17,7 @@ import numpy as np
 from jaxtyping import Int64, Integer
 
 from etnet.errors import RecordingError
+from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.columns import from_nanoseconds
 from etnet.events.formats.decode import Decoded
 from etnet.events.formats.text.decimals import (
@@ -33,6 +35,8 @@ BLOCK = 1 << 19
 LONGEST_LINE = 4096
 
 _TO_SPACES = bytes.maketrans(b",;\t", b"   ")
+_COMMAS_TO_POINTS = bytes.maketrans(b",;\t", b".  ")
+_WORDS = re.compile(rb"(?<!\S)(?:true|false|on|off)(?!\S)", re.IGNORECASE)
 _SCALES = {"s": Decimal(10**6), "ms": Decimal(10**3), "us": Decimal(1), "ns": Decimal(1) / 1000}
 
 
@@ -45,7 +49,8 @@ class Columns:
     y: int
     p: int
     count: int = 4
-    unit: str = "s"
+    unit: TimeUnit = "s"
+    decimal_comma: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +88,7 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
     """`block` is whole lines; `first_line` is the number of its first one, for errors."""
     if not block.endswith(b"\n"):
         block += b"\n"
-    if any(mark in block for mark in (b",", b";", b"\t")):
-        block = block.translate(_TO_SPACES)
-    if b"\r" in block:
-        block = block.replace(b"\r\n", b"\n")
+    stored, block = block, plain_row(block, columns.decimal_comma)
     if b"-" in block and columns.p == columns.count - 1 and b" 2\n" not in block:
         rows = _regular(block.replace(b" -1\n", b" 2\n"), columns)
         if rows is not None:
@@ -94,7 +96,25 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
             rows = replace(rows, p=np.where(p == 2, -1, p))
     else:
         rows = _regular(block, columns)
-    return rows if rows is not None else _one_by_one(block, columns, name, first_line)
+    if rows is None and b".0 " in block:
+        # Whole numbers that were printed as floats.
+        rows = _regular(block.replace(b".0 ", b" ").replace(b".0\n", b"\n"), columns)
+    return rows if rows is not None else _one_by_one(block, stored, columns, name, first_line)
+
+
+def plain_row(block: bytes, decimal_comma: bool = False) -> bytes:
+    """Lines with blanks between plain numbers: no quotes, no carriage returns, 1 and 0 for True and False, ON and OFF."""
+    if decimal_comma:
+        block = block.translate(_COMMAS_TO_POINTS)
+    elif any(mark in block for mark in (b",", b";", b"\t")):
+        block = block.replace(b", ", b" ").translate(_TO_SPACES)
+    if b"\r" in block:
+        block = block.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if b'"' in block:
+        block = block.replace(b'"', b"")
+    if _WORDS.search(block) is not None:
+        block = _WORDS.sub(lambda found: b"1" if found[0].lower() in (b"true", b"on") else b"0", block)
+    return block
 
 
 def _regular(block: bytes, columns: Columns) -> Rows | None:
@@ -148,13 +168,16 @@ def _stamps(
     return microseconds(text, ends[place], lengths[place], lengths[place + 1])
 
 
-def _one_by_one(block: bytes, columns: Columns, name: str, first_line: int) -> Rows:
-    """The patient way: any number that `decimal` reads, any run of blanks, empty lines and # comments skipped."""
+def _one_by_one(block: bytes, stored: bytes, columns: Columns, name: str, first_line: int) -> Rows:
+    """The patient way: any number that `decimal` reads, any run of blanks, empty lines and comments skipped.
+
+    `stored` is the block as it stands in the file.
+    """
     kept: list[tuple[int, int, int, int]] = []
     scale = _SCALES[columns.unit]
     for number, line in enumerate(block.split(b"\n"), first_line):
         tokens = line.split()
-        if not tokens or tokens[0].startswith(b"#"):
+        if not tokens or tokens[0].startswith((b"#", b"%")):
             continue
         try:
             if len(tokens) != columns.count:
@@ -162,11 +185,11 @@ def _one_by_one(block: bytes, columns: Columns, name: str, first_line: int) -> R
             values = [Decimal(tokens[i].decode("ascii")) for i in (columns.x, columns.y, columns.t, columns.p)]
             stamp = int((values[2] * scale).to_integral_value(ROUND_HALF_EVEN))
             x, y, p = (_whole(values[i]) for i in (0, 1, 3))
-            if max(abs(x), abs(y), abs(p)) >= 2**31 or abs(stamp) >= 2**62:
+            if max(abs(x), abs(y)) >= 2**31 or abs(p) >= 2**63 or abs(stamp) >= 2**62:
                 raise ValueError("a number beyond 64 bits")
             kept.append((x, y, stamp, p))
         except (ValueError, InvalidOperation, OverflowError) as slip:
-            shown = line[:60].decode("ascii", "replace")
+            shown = stored.splitlines()[number - first_line][:60].decode("utf-8", "replace").rstrip()
             raise RecordingError(
                 f'{name}: line {number} reads "{shown}"; wanted {columns.count} numbers '
                 f"(time, x, y and polarity among them); correct or remove the line"
