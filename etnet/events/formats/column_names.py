@@ -8,10 +8,14 @@ from collections.abc import Iterable
 from etnet.events.assumptions import TimeUnit
 
 NAMES = {
-    "x": ("x", "xs", "xpos", "posx", "xaddr", "addrx", "xaddress", "addressx", "xcoord", "coordx", "xcoordinate")
-    + ("pixelx", "xpixel", "col", "cols", "column"),
-    "y": ("y", "ys", "ypos", "posy", "yaddr", "addry", "yaddress", "addressy", "ycoord", "coordy", "ycoordinate")
-    + ("pixely", "ypixel", "row", "rows"),
+    "x": (
+        *("x", "xs", "xpos", "posx", "xaddr", "addrx", "xaddress", "addressx", "xcoord", "coordx", "xcoordinate"),
+        *("pixelx", "xpixel", "col", "cols", "column"),
+    ),
+    "y": (
+        *("y", "ys", "ypos", "posy", "yaddr", "addry", "yaddress", "addressy", "ycoord", "coordy", "ycoordinate"),
+        *("pixely", "ypixel", "row", "rows"),
+    ),
     "t": ("t", "ts", "timestamp", "timestamps", "time", "times", "stamp", "stamps"),
     "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "ison", "sign"),
 }

@@ -46,10 +46,8 @@ def folder_format(formats: tuple[Format, ...]) -> Format:
     def open_folder(request: Request) -> Opened:
         found = recordings_in(request)
         if not found:
-            raise RecordingError(
-                f"{request.name}: {f'a folder with {listed(request.members)}' if request.members else 'an empty folder'}"
-                "; no recording is among that"
-            )
+            there = f"a folder with {listed(request.members)}" if request.members else "an empty folder"
+            raise RecordingError(f"{request.name}: {there}; no recording is among that")
         left = [member for member in found if not rank_of(member)[2]]
         if len(found) > 1 and len(left) != 1:
             raise RecordingError(f"{request.name}: a folder that holds {listed(found)}; name one of them")

@@ -18,27 +18,13 @@ from etnet.events.formats.bounds import Unpacked
 from etnet.events.formats.foreign import called, listed
 from etnet.events.recording import Remark
 
-RECORDING_SUFFIXES = (
-    ".raw",
-    ".dat",
-    ".aedat4",
-    ".aedat",
-    ".es",
-    ".h5",
-    ".hdf5",
-    ".hdf",
-    ".bag",
-    ".mcap",
-    ".db3",
-    ".bin",
-    ".mat",
-) + (".npz", ".npy", ".txt", ".csv")
+_SURE = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".hdf", ".bag", ".mcap", ".db3", ".bin", ".mat")
+RECORDING_SUFFIXES = (*_SURE, ".npz", ".npy", ".txt", ".csv")
 """Of files that may be recordings; those at the end may be many other things as well."""
 
 _STEP = 1 << 20
 _MARKS = ((b"\x1f\x8b", "gzip"), (b"\xfd7zXZ\x00", "xz"), (b"BZh", "bzip2"))
 _PACKED = (".zip", ".tar", ".gz", ".tgz", ".7z", ".rar", ".bz2", ".xz")
-_SURE = RECORDING_SUFFIXES[:13]
 
 OpenInner = Callable[[Request], Opened]
 
@@ -73,18 +59,16 @@ def _unpack(request: Request, stream: BufferedIOBase, packed_bytes: int, name: s
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     inside = called(head)
-    if _compression(head) is not None or inside is not None:
-        raise RecordingError(
-            f"{request.name}: an archive within an archive ({inside or _compression(head)} in {what}); unpack it by "
-            "hand and open what is in it"
-        )
     members: tuple[str, ...] = ()
     if head[:4] == b"PK\x03\x04":
         members = ZipStore(path, request.resources).names()
-        if not all(member.endswith(".npy") for member in members):
-            raise RecordingError(
-                f"{request.name}: an archive within an archive (zip in {what}); unpack it by hand and open what is in it"
-            )
+        is_npz = all(member.endswith(".npy") for member in members)
+        inside = inside if is_npz else "zip"
+    inside = inside or _compression(head)
+    if inside is not None:
+        raise RecordingError(
+            f"{request.name}: an archive within an archive ({inside} in {what}); unpack it and open what is in it"
+        )
     return replace(request, path=path, head=head, members=members)
 
 
@@ -132,6 +116,6 @@ def _single(members: tuple[str, ...], name: str) -> str:
     packed = [member for member in members if member.lower().endswith(_PACKED)]
     if packed:
         raise RecordingError(
-            f"{name}: an archive within an archive ({listed(packed)}); unpack it by hand and open what is in it"
+            f"{name}: an archive within an archive ({listed(packed)}); unpack it and open what is in it"
         )
     raise RecordingError(f"{name}: a zip with {listed(members) or 'nothing in it'}; no recording is among that")

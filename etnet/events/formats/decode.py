@@ -245,8 +245,8 @@ def _judge_outside(strays: _Strays, num_kept: int, sensor: Sensor, request: Requ
         )
     if is_many:
         remarks.advise(
-            f"--drop-outside left out {strays.num_outside:,} of {num_all:,} events ({strays.num_outside / num_all:.1%}): "
-            f"is the sensor really {sensor}?"
+            f"--drop-outside left out {strays.num_outside:,} of {num_all:,} events "
+            f"({strays.num_outside / num_all:.1%}): is the sensor really {sensor}?"
         )
     remarks.repaired(
         f"{strays.num_outside} events beyond the sensor {sensor}, {reach}, were left out; "

@@ -20,7 +20,7 @@ from etnet.events.formats.base import Remarks, contained
 from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.columns import LARGEST_STAMP, stamps_in_microseconds
 from etnet.events.formats.frame_range import grey_picture, judged_range
-from etnet.events.formats.time_unit import PER_SECOND
+from etnet.events.formats.time_unit import PER_SECOND, UNITS
 from etnet.events.recording import GroundTruth, Span
 
 MOST_FRAMES = 2_000_000
@@ -101,7 +101,7 @@ def _unit(frames: Frames, span: Span, stated: TimeUnit | None, name: str, remark
     """The stated unit, else the usual one, unless only another one brings the pictures to the events."""
     if stated is not None:
         return stated
-    fitting = [unit for unit in (frames.usual, *PER_SECOND) if _share_beside(frames, unit, span, name) >= 0.5]
+    fitting: list[TimeUnit] = [unit for unit in UNITS if _share_beside(frames, unit, span, name) >= 0.5]
     if not fitting or frames.usual in fitting:
         return frames.usual
     remarks.assumed(

@@ -30,8 +30,8 @@ def _open(request: Request) -> Opened:
     num_back = int(np.count_nonzero(np.diff(stamps) < 0))
     if num_back > max(3, _MOST_BACK * len(stamps)):
         raise RecordingError(
-            f"{request.name}: read as N-MNIST's five-byte events its time runs back at {num_back:,} of {len(stamps):,}, "
-            "so it is none; give it the suffix of its format, or convert it"
+            f"{request.name}: read as N-MNIST's five-byte events time runs back at {num_back:,} of {len(stamps):,}, so "
+            "it is none; give the file the suffix of its format, or convert it"
         )
     remarks.assumed("five-byte events as in N-MNIST: a .bin file says nothing about itself")
     pieces = [Decoded(rows[:, 0], rows[:, 1], stamps, rows[:, 2] >> 7, 1.0)]

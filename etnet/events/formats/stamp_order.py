@@ -1,4 +1,4 @@
-"""What steps back in time mean: small disorder, a 32-bit clock that begins anew, a restarted clock, or no time at all."""
+"""What steps back in time mean: small disorder, a turn of a 32-bit clock, a restarted clock, or no time at all."""
 
 from __future__ import annotations
 

@@ -14,6 +14,9 @@ from etnet.events.formats.base import Remarks
 
 PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 
+UNITS: tuple[TimeUnit, ...] = ("us", "ns", "s", "ms")
+"""The commonest first."""
+
 LONGEST = 86_400.0
 """Seconds that a recording may last."""
 
@@ -108,13 +111,13 @@ def _is_epoch(evidence: Evidence, per_second: int) -> bool:
 
 def _other(evidence: Evidence, first: TimeUnit) -> TimeUnit | None:
     """Of the other units the one whose rate is most like a camera's; of stamps since 1970, the one they are in."""
-    possible = [
+    possible: list[TimeUnit] = [
         unit
-        for unit in PER_SECOND
+        for unit in UNITS
         if unit != first and evidence.is_possible(unit) and evidence.rate(unit) <= MOST_RATE
         if not (unit == "ns" and evidence.has_fractions)
     ]
-    since_1970 = [unit for unit in possible if _is_epoch(evidence, PER_SECOND[unit])]
+    since_1970: list[TimeUnit] = [unit for unit in possible if _is_epoch(evidence, PER_SECOND[unit])]
     return min(since_1970 or possible, key=lambda unit: _misfit(evidence, unit), default=None)
 
 

@@ -98,13 +98,17 @@ def test_of_an_npz_only_the_columns_are_unpacked(tmp_path, peak):
     assert peak() < FEW
 
 
-def test_frames_larger_than_any_camera_has_are_refused(tmp_path):
+def test_frames_larger_than_any_camera_has_are_left_out_and_the_events_kept(tmp_path):
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         for axis, column in zip(("xs", "ys", "ts", "ps"), columns().values(), strict=True):
             file[f"events/{axis}"] = column
         image = file.create_dataset("images/image000000000", (9000, 9000), "u1", chunks=(500, 500), compression="gzip")
         image.attrs["timestamp"] = 0.0
-    with pytest.raises(RecordingError, match="at most 4096") as refusal:
-        open_recording(path)
-    assert "\n" not in str(refusal.value)
+    with open_recording(path, assume=SENSOR) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+        assert recording.ground_truth is None
+        told = [remark.text for remark in recording.remarks if "frames" in remark.text]
+    assert len(told) == 1
+    assert "9000 × 9000 pixels" in told[0]
+    assert "--max-pixels" in told[0]

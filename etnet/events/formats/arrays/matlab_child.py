@@ -1,8 +1,8 @@
 """Reads a v5 MATLAB file in a process of its own: scipy's reader crashes the interpreter on some damaged files.
 
 Run as `python -P -m etnet.events.formats.arrays.matlab_child FILE.mat FOLDER BYTES`; FOLDER gets x.npy, y.npy, t.npy
-and p.npy, and standard output a line of JSON: the struct or matrix that holds them ("" at the top, null if none does), all
-variables, the order of a matrix's columns, the unit in the name of t, and the structs that were left out.
+and p.npy, and standard output a line of JSON: the struct or matrix that holds them ("" at the top, null if none does),
+all variables, the order of a matrix's columns, the unit in the name of t, and the structs that were left out.
 The file may unpack to BYTES. Exit code 1, with one line on standard error, for what cannot be read.
 """
 

@@ -90,7 +90,10 @@ def folder_prefix(members: tuple[str, ...]) -> str | None:
         folder, slash, last = member.rpartition("/")
         if last.lower().endswith(".npy"):
             groups.setdefault(folder + slash, []).append(last[: -len(".npy")])
-    return next((prefix for prefix in sorted(groups) if column_keys(groups[prefix]) is not None), None)
+    for prefix in sorted(groups):
+        if column_keys(groups[prefix]) is not None or "events_ts" in groups[prefix]:
+            return prefix
+    return None
 
 
 def _open_folder(request: Request) -> Opened:
@@ -99,6 +102,9 @@ def _open_folder(request: Request) -> Opened:
     prefix = folder_prefix(request.members) or ""
     is_evreal = f"{prefix}events_ts.npy" in request.members
     kind = "EVREAL npy folder" if is_evreal else "npy folder"
+    for part in ("xy", "p") if is_evreal else ():
+        if f"{prefix}events_{part}.npy" not in request.members:
+            raise RecordingError(f"{request.name}: events_{part}.npy is missing; an EVREAL folder needs it")
     if f"{prefix}dataset_events_t.npy" in request.members:
         kind = "EVIMO2 npy folder"
     with contained(request.name, "the npy columns"):

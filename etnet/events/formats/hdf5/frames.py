@@ -50,7 +50,7 @@ def numbered_frames(file: h5py.File, name: str, max_pixels: int, remarks: Remark
         read_raw,
         _size(first.shape, name, max_pixels),
         is_bgr,
-        float(white) if np.size(white) == 1 and isinstance(white, (int, float, np.number)) else None,
+        float(white) if isinstance(white, (int, float, np.number)) and white > 0 else None,
         lambda unit, stamps: _flow_reader(file, name, max_pixels, unit, stamps),
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.column_finder import Field, Found, Rows, Tree, find_events, paths_in
+from etnet.events.formats.column_finder import Columns, Field, Found, Rows, Tree, find_events, paths_in
 from etnet.events.formats.declared_size import sensor_resolution, size_beside
 from etnet.events.formats.frames import Frames, found_frames
 from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, say_unread
@@ -156,7 +156,7 @@ def _open_mvsec(request: Request, file: h5py.File) -> Opened:
         remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")
     say_unread(file, f"{where}/imu", "samples of motion", name, remarks)
     rows = Rows(table, 4)
-    found = {axis: Field(rows, i) for i, axis in enumerate("xytp")}
+    found: Columns = {axis: Field(rows, i) for i, axis in enumerate("xytp")}
     return open_table(request, Table("MVSEC HDF5", found, declared, fixed="s", frames=frames), remarks)
 
 

@@ -53,11 +53,11 @@ def outline(file: h5py.File) -> str:
     """What lies in the file, two levels deep: "ovc (left, ts), prophesee (left, right)"."""
     parts = []
     for key in sorted(file.keys())[:12]:
-        node = file[key] if isinstance(file.get(key, getlink=True), h5py.HardLink) else None
+        node: Any = file[key] if isinstance(file.get(key, getlink=True), h5py.HardLink) else None
         if isinstance(node, h5py.Group):
             inner = sorted(node.keys())
             more = ", …" if len(inner) > 8 else ""
             parts.append(f"{key} ({', '.join(inner[:8])}{more})")
         else:
-            parts.append(key if node is None else f"{key} {node.shape}")
+            parts.append(f"{key} {node.shape}" if isinstance(node, h5py.Dataset) else key)
     return ", ".join(parts) + (", …" if len(file.keys()) > 12 else "") or "nothing"

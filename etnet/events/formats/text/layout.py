@@ -1,4 +1,4 @@
-"""What the head of event text says: where rows begin, which column is which, what divides them, how large the sensor is."""
+"""What the head of event text says: where rows begin, which column is which, how large the sensor is."""
 
 from __future__ import annotations
 
@@ -104,7 +104,8 @@ def _unnamed(start: Layout, name: str, remarks: Remarks, stated: TimeUnit | None
         )
     if stated is not None:
         remarks.assumed(said_unit(stated))
-    columns = Columns(*(order.index(axis) for axis in "txyp"), 4, "s", start.columns.decimal_comma)
+    t, x, y, p = (order.index(axis) for axis in "txyp")
+    columns = Columns(t, x, y, p, 4, "s", start.columns.decimal_comma)
     return _counting(start, columns, stated), stated
 
 

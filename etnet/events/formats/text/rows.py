@@ -103,7 +103,7 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
 
 
 def plain_row(block: bytes, decimal_comma: bool = False) -> bytes:
-    """Lines with blanks between plain numbers: no quotes, no carriage returns, 1 and 0 for True and False, ON and OFF."""
+    """Lines with blanks between plain numbers: no quotes, no carriage returns, 1 and 0 for True, ON and False, OFF."""
     if decimal_comma:
         block = block.translate(_COMMAS_TO_POINTS)
     elif any(mark in block for mark in (b",", b";", b"\t")):
