@@ -20,6 +20,8 @@ from etnet.events.formats.table_order import table_order
 _EVENT_WORDS = ("event", "evs", "evt", "dvs", "cd", "td", "prophesee", "davis", "arr", "stream")
 _OTHER_WORDS = ("em", "aps", "imu", "trigger", "label", "labels", "bbox", "box", "noise", "flow", "pose")
 _RIGHT_WORDS = ("right", "cam1", "camera1", "1")
+_FEWEST_ROWS = 64
+"""Of a table that is called nothing like events; a matrix of a calibration has fewer."""
 _SAMPLES = 8
 _SAMPLE = 512
 
@@ -97,9 +99,12 @@ class _Place:
 def rank_of(path: str) -> tuple[bool, bool, bool, str]:
     """How likely events are in a group of this name, by the name alone: the smaller, the likelier."""
     words = words_of(path)
-    is_events = any(word.startswith(event) for word in words for event in _EVENT_WORDS)
     is_right = any(word in _RIGHT_WORDS for word in words)
-    return (any(word in _OTHER_WORDS for word in words), not is_events, is_right, path)
+    return (any(word in _OTHER_WORDS for word in words), not _is_named(path), is_right, path)
+
+
+def _is_named(path: str) -> bool:
+    return any(word.startswith(event) for word in words_of(path) for event in _EVENT_WORDS)
 
 
 def words_of(path: str) -> list[str]:
@@ -182,14 +187,15 @@ def _tables(tree: Tree) -> list[_Place]:
     """Tables of four columns that are called events, or hold nothing else."""
     found = []
     for path, leaf in tree.items():
-        if leaf.is_table(4) and leaf.dtype.kind != "b":
+        is_likely = _is_named(path) or len(tree) == 1 or max(leaf.shape, default=0) >= _FEWEST_ROWS
+        if leaf.is_table(4) and leaf.dtype.kind != "b" and is_likely:
             found.append(_Place(path, 2, max(leaf.shape), lambda p=path, v=leaf: _of_table(p, v, len(tree) == 1)))
     return found
 
 
 def _of_table(path: str, leaf: Leaf, is_alone: bool) -> Found | None:
     rows = Rows(leaf.open(), 4)
-    is_named = is_alone or any(word.startswith(event) for word in words_of(path) for event in _EVENT_WORDS)
+    is_named = is_alone or _is_named(path)
     places = sorted({int(place) for place in np.linspace(0, max(0, len(rows) - _SAMPLE), _SAMPLES)})
     order = table_order(np.concatenate([rows[at : at + _SAMPLE] for at in places]), is_named)
     if order is None:
