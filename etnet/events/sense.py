@@ -19,7 +19,7 @@ LONGEST = 86_400 * 10**6
 LEAST_RATE = 1e-3
 """Events per pixel and second; noise alone gives more."""
 
-MOST_EVENTS = 3e9
+MOST_EVENTS = 2e9
 """Events a second that any readout gives at most."""
 
 FRAMES_BESIDE = 100_000

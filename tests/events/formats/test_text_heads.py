@@ -105,7 +105,7 @@ def test_what_is_wrong_is_quoted_as_it_stands(content, match, tmp_path):
 def test_utf_16_is_called_by_its_name(mark, tmp_path):
     content = HEADS["pandas"].encode(mark)
     (tmp_path / "a.csv").write_bytes(content if mark == "utf-16" else b"\xfe\xff" + content)
-    with pytest.raises(RecordingError, match="UTF-16.*UTF-8"):
+    with pytest.raises(RecordingError, match=r"UTF-16.*UTF-8"):
         open_recording(tmp_path / "a.csv")
 
 

@@ -76,9 +76,7 @@ def _open(request: Request) -> Opened:
     if len(members) > MOST_CHUNKS:
         raise RecordingError(f"{request.name}: {len(members):,} pieces; at most {MOST_CHUNKS:,} are joined")
     found = _gathered(request, members)
-    remarks.detected(
-        f"{len(members)} files in {folder or 'the folder'} are one recording, in the order of their numbers"
-    )
+    remarks.detected(f"{len(members)} numbered files in {folder or 'the folder'} are one recording, in their order")
     root = folder.rstrip("/").rpartition("/")[0]
     prefix = root + "/" if root else ""
     store, most = FolderStore(request.path), request.assume.max_pixels
@@ -96,6 +94,7 @@ def _gathered(request: Request, members: list[str]) -> Found:
     """All pieces behind one another in one scratch file for each column."""
     files: dict[str, tuple[Path, np.dtype]] = {}
     first: Found | None = None
+    last: float | None = None
     with ExitStack() as open_files:
         written: dict[str, BufferedWriter] = {}
         for number, member in enumerate(members):
@@ -104,6 +103,7 @@ def _gathered(request: Request, members: list[str]) -> Found:
                 found = _part(replace(request, resources=briefly), member)
                 if found is None or (first is not None and found.order != first.order):
                     raise RecordingError(f"{request.name}: {member} has other columns than {members[0]}; move it away")
+                last = _check_begins_after(found, last, member, request)
                 for axis, column in found.columns.items():
                     numbers = np.ascontiguousarray(column[: len(column)])
                     if axis not in files:
@@ -116,6 +116,20 @@ def _gathered(request: Request, members: list[str]) -> Found:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     columns: Columns = {axis: np.memmap(path, dtype, "r") for axis, (path, dtype) in files.items()}
     return replace(first, columns=columns)
+
+
+def _check_begins_after(found: Found, last: float | None, member: str, request: Request) -> float | None:
+    """The last stamp of a piece; an error where it begins far before the one before it ends."""
+    t = found.columns["t"]
+    if len(t) == 0:
+        return last
+    begin, end = float(np.asarray(t[:1])[0]), float(np.asarray(t[len(t) - 1 :])[0])
+    if last is not None and last - begin > 0.5 * (end - begin):
+        raise RecordingError(
+            f"{request.name}: numbered files, of which {member} begins before the one before it ends: each is a "
+            "recording of its own; name one of them"
+        )
+    return end
 
 
 def _is_fixed_point(columns: Columns, size: Sensor) -> bool:

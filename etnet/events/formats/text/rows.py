@@ -51,6 +51,8 @@ class Columns:
     count: int = 4
     unit: TimeUnit = "s"
     decimal_comma: bool = False
+    rounds: bool = False
+    """Whether fractions of pixels are rounded; else they are an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,10 +186,15 @@ def _one_by_one(block: bytes, stored: bytes, columns: Columns, name: str, first_
                 raise ValueError(f"{len(tokens)} columns")
             values = [Decimal(tokens[i].decode("ascii")) for i in (columns.x, columns.y, columns.t, columns.p)]
             stamp = int((values[2] * scale).to_integral_value(ROUND_HALF_EVEN))
-            x, y, p = (_whole(values[i]) for i in (0, 1, 3))
+            x, y = (_pixel(value, columns.rounds) for value in values[:2])
+            p = _whole(values[3])
             if max(abs(x), abs(y)) >= 2**31 or abs(p) >= 2**63 or abs(stamp) >= 2**62:
                 raise ValueError("a number beyond 64 bits")
             kept.append((x, y, stamp, p))
+        except _Fraction as slip:
+            raise RecordingError(
+                f"{name}: line {number} has a pixel at {slip}, a fraction (rectified?); open it with --pixels rounded"
+            ) from None
         except (ValueError, InvalidOperation, OverflowError) as slip:
             shown = stored.splitlines()[number - first_line][:60].decode("utf-8", "replace").rstrip()
             raise RecordingError(
@@ -197,6 +204,18 @@ def _one_by_one(block: bytes, stored: bytes, columns: Columns, name: str, first_
     table = np.array(kept, np.int64).reshape(-1, 4)
     x, y, t, p = (table[:, i].copy() for i in range(4))
     return Rows(x, y, t, p, block.count(b"\n"))
+
+
+class _Fraction(Exception):
+    """A pixel with a fraction."""
+
+
+def _pixel(value: Decimal, rounds: bool) -> int:
+    if rounds:
+        return int(value.to_integral_value(ROUND_HALF_EVEN))
+    if value != value.to_integral_value():
+        raise _Fraction(str(value))
+    return int(value)
 
 
 def _whole(value: Decimal) -> int:

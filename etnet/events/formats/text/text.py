@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from io import BufferedIOBase
 
 from etnet.errors import RecordingError
@@ -66,7 +67,8 @@ def _open_stream(
         )
     with opener() as stream:
         stream.read(layout.num_bytes)
-        pieces = text_pieces(stream, size, layout.columns, request.name, 1 + layout.num_lines)
+        columns = replace(layout.columns, rounds=request.assume.pixels == "rounded")
+        pieces = text_pieces(stream, size, columns, request.name, 1 + layout.num_lines)
         size_of_frames = None if frames is None else frames.size
         kind = kinds[0] if layout.names else kinds[1]
         judge = None if unit is not None else lambda seen: judged_unit(seen, request.assume, remarks)
