@@ -100,7 +100,8 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
     if found.num_looked_at < found.num_events:
         rows.append(("looked at", f"{found.num_looked_at:,} events, in blocks spread evenly over it"))
-    rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
+    duration = f" or {found.suggested_duration:,} µs" if found.suggested_duration else ""
+    rows.append(("window", f"{found.suggested_events:,} events{duration} would suit"))
     return rows
 
 

@@ -114,7 +114,8 @@ def plain_row(block: bytes, decimal_comma: bool = False) -> bytes:
         block = block.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b'"' in block:
         block = block.replace(b'"', b"")
-    if _WORDS.search(block) is not None:
+    # A search for words costs as much as all the rest, so it is made only where a letter of each of them may be.
+    if any(letter in block for letter in (b"e", b"E", b"n", b"N", b"f", b"F")) and _WORDS.search(block) is not None:
         block = _WORDS.sub(lambda found: b"1" if found[0].lower() in (b"true", b"on") else b"0", block)
     return block
 
