@@ -107,7 +107,7 @@ class _Filling:
         low, high = (columns.t[0], columns.t[-1]) if ordered else (columns.t.min(), columns.t.max())
         if low <= -LARGEST_STAMP or high >= LARGEST_STAMP or (low < 0 and piece.t.dtype.kind == "u"):
             raise RecordingError(f"{name}: stamps after event {index} are no time; the file is damaged there")
-        unrolled = self.clock.unrolled(columns.t)
+        unrolled = self.clock.unrolled(columns.t, ordered)
         if unrolled is not columns.t:
             columns.t[:] = unrolled
             ordered = is_ordered(columns.t)

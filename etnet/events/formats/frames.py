@@ -54,12 +54,17 @@ def found_frames(look: Callable[[], Frames | None], name: str, remarks: Remarks)
     try:
         with contained(name, "the frames"):
             found = look()
-        if found is not None and len(found) > MOST_FRAMES:
-            raise RecordingError(f"{len(found):,} frames are more than {MOST_FRAMES:,}")
+        check_frames(0 if found is None else len(found), name)
     except RecordingError as fault:
         _say_left_out(fault, name, remarks)
         return None
     return found if found is not None and len(found) else None
+
+
+def check_frames(count: int, where: str) -> None:
+    """An error for more frames than anybody takes, before their stamps are read."""
+    if count > MOST_FRAMES:
+        raise RecordingError(f"{where}: {count:,} frames are more than {MOST_FRAMES:,}")
 
 
 def attached(

@@ -103,6 +103,9 @@ class StampOrder:
         )
 
 
+_NONE = np.empty(0, np.int64)
+
+
 @dataclass
 class Clock32:
     """Goes on where a clock of 32 bits begins anew, piece by piece."""
@@ -110,11 +113,15 @@ class Clock32:
     last: int | None = None
     turns: int = 0
 
-    def unrolled(self, t: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " n"]:
-        """The stamps of the next piece; the same array where the clock never turned so far."""
+    def unrolled(self, t: Int64[np.ndarray, " n"], ordered: bool = False) -> Int64[np.ndarray, " n"]:
+        """The stamps of the next piece; the same array where the clock never turned so far.
+
+        `ordered`: it is known that they never step back among themselves.
+        """
         if len(t) == 0:
             return t
-        turned = turns_in(t, self.last)
+        goes_on = ordered and (self.last is None or int(t[0]) >= self.last)
+        turned = _NONE if goes_on else turns_in(t, self.last)
         self.last = int(t[-1])
         if self.turns == 0 and len(turned) == 0:
             return t

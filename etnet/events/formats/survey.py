@@ -50,8 +50,10 @@ class Survey:
         if len(t) == 0:
             return
         whole = t.astype(np.int64, copy=False)
-        self.is_turning = self.is_turning or len(turns_in(whole, self.order.last)) > 0
-        self.order.look(whole, start, is_ordered(whole))
+        ordered, before = is_ordered(whole), self.order.last
+        if not ordered or (before is not None and int(whole[0]) < before):
+            self.is_turning = self.is_turning or len(turns_in(whole, before)) > 0
+        self.order.look(whole, start, ordered)
 
     def look_at_polarity(self, values: Shaped[np.ndarray, " n"]) -> None:
         """Take in polarities."""

@@ -112,3 +112,35 @@ def test_frames_larger_than_any_camera_has_are_left_out_and_the_events_kept(tmp_
     assert len(told) == 1
     assert "9000 × 9000 pixels" in told[0]
     assert "--max-pixels" in told[0]
+
+
+@pytest.mark.parametrize("name", ["t_offset", "davis/left/image_raw_ts"])
+def test_small_datasets_that_declare_gigabytes_cost_nothing(name, tmp_path, peak):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset(name, (10**9,), "i8", chunks=(1 << 16,), compression="gzip")
+        if name == "t_offset":
+            for axis, column in zip("xytp", columns().values(), strict=True):
+                file[f"events/{axis}"] = column
+        else:
+            file["davis/left/events"] = np.stack([EVENTS.x, EVENTS.y, EVENTS.t / 1e6, EVENTS.p], 1)
+            file.create_dataset("davis/left/image_raw", (10**9, 12, 20), "u1", chunks=(1, 12, 20), compression="gzip")
+    tracemalloc.reset_peak()
+    if name == "t_offset":
+        with pytest.raises(RecordingError, match="t_offset"):
+            open_recording(path)
+    else:
+        with open_recording(path, assume=SENSOR) as recording:
+            assert recording.ground_truth is None
+            assert any("1,000,000,000 frames" in remark.text for remark in recording.remarks)
+    assert peak() < FEW
+
+
+@pytest.mark.parametrize("content", [b"65535 65535\n0.1 1 2 0\n", b"%geometry:65535,65535\n1,2,0,100\n"])
+def test_a_text_that_declares_a_vast_sensor_is_refused(content, tmp_path, peak):
+    (tmp_path / "a.txt").write_bytes(content)
+    with pytest.raises(RecordingError, match="--max-pixels"):
+        open_recording(tmp_path / "a.txt")
+    with open_recording(tmp_path / "a.txt", assume=Assumptions(max_pixels=1 << 32)) as recording:
+        assert recording.num_events == 1
+    assert peak() < 512 << 20

@@ -21,7 +21,7 @@ from etnet.events.formats.bounds import check_pixels, declared_sensor
 from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events
 from etnet.events.formats.column_names import column_keys
 from etnet.events.formats.declared_size import size_beside
-from etnet.events.formats.frames import Frames, found_frames
+from etnet.events.formats.frames import Frames, check_frames, found_frames
 from etnet.events.formats.open_columns import Table, open_table
 
 _BOX_FIELDS = {"w", "h", "class_id"}
@@ -125,6 +125,7 @@ def _folder_frames(tree: Tree, request: Request) -> Frames | None:
     if "images" not in tree or "images_ts" not in tree:
         return None
     pictures = tree["images"].open()
+    check_frames(int(np.prod(tree["images_ts"].shape)), f"{request.name}: images_ts.npy")
     stamps = np.asarray(tree["images_ts"].open()).reshape(-1)
     if pictures.ndim not in (3, 4) or len(pictures) != len(stamps):
         raise RecordingError(f"images.npy is {pictures.dtype} {pictures.shape} for {len(stamps)} stamps")

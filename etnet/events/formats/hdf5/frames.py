@@ -16,7 +16,7 @@ from etnet.events.formats.bounds import check_pixels
 from etnet.events.formats.column_finder import Tree, words_of
 from etnet.events.formats.column_names import named_axis
 from etnet.events.formats.columns import stamps_in_microseconds
-from etnet.events.formats.frames import Frames, ReadFlow
+from etnet.events.formats.frames import Frames, ReadFlow, check_frames
 from etnet.events.formats.hdf5.file import dataset, find
 
 _NO_PICTURES = ("flow", "depth", "mask", "label", "disparity", "rectify", "map", "pose", "calib")
@@ -58,7 +58,9 @@ def numbered_frames(file: h5py.File, name: str, max_pixels: int, remarks: Remark
 def stacked_frames(file: h5py.File, path: str, stamps_path: str, name: str, max_pixels: int) -> Frames | None:
     """Pictures in one dataset (n × height × width, or with colours) with a dataset of their stamps."""
     pictures = dataset(file, path, name, ndim=None)
-    stamps = dataset(file, stamps_path, name, ndim=None)[()].reshape(-1)
+    stored = dataset(file, stamps_path, name, ndim=None)
+    check_frames(int(stored.size or 0), f"{name}: {stamps_path}")
+    stamps = np.asarray(stored[()]).reshape(-1)
     if pictures.ndim not in (3, 4) or len(pictures) != len(stamps):
         raise RecordingError(f"{name}: {path} has the shape {pictures.shape} for {len(stamps)} stamps; they must agree")
     if len(stamps) == 0:
@@ -107,6 +109,7 @@ def _members(file: h5py.File, group: str, name: str) -> list[str]:
 def _numbered(file: h5py.File, group: str, name: str) -> tuple[list[str], np.ndarray]:
     """Members that have a stamp, and their stamps."""
     members, values = [], []
+    check_frames(len(_members(file, group, name)), f"{name}: {group}")
     for member in _members(file, group, name):
         stamp = dataset(file, f"{group}/{member}", name, ndim=None).attrs.get("timestamp")
         if stamp is not None and np.size(stamp) == 1:

@@ -112,7 +112,8 @@ def _kind(found: Found, file: h5py.File, request: Request) -> str:
 
 
 def _offset(file: h5py.File, request: Request) -> int:
-    value = np.asarray(dataset(file, "t_offset", request.name, ndim=None)[()]).ravel()
+    stored = dataset(file, "t_offset", request.name, ndim=None)
+    value = np.asarray(stored[()]).ravel() if stored.size == 1 else np.empty(0)
     if value.size != 1 or value.dtype.kind not in "iu" or abs(int(value[0])) >= 2**61:
         raise RecordingError(f"{request.name}: t_offset is {value[:3]}; wanted one whole number of µs")
     return int(value[0])

@@ -90,34 +90,44 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
     """`block` is whole lines; `first_line` is the number of its first one, for errors."""
     if not block.endswith(b"\n"):
         block += b"\n"
-    stored, block = block, plain_row(block, columns.decimal_comma)
-    if b"-" in block and columns.p == columns.count - 1 and b" 2\n" not in block:
-        rows = _regular(block.replace(b" -1\n", b" 2\n"), columns)
-        if rows is not None:
-            p = rows.p.astype(np.int64)
-            rows = replace(rows, p=np.where(p == 2, -1, p))
-    else:
-        rows = _regular(block, columns)
-    if rows is None and b".0 " in block:
-        # Whole numbers that were printed as floats.
-        rows = _regular(block.replace(b".0 ", b" ").replace(b".0\n", b"\n"), columns)
+    stored, block = block, _divided_by_blanks(block, columns.decimal_comma)
+    rows = _fast(block, columns)
+    if rows is None:
+        block = _without_words(block)
+        # Whole numbers may be printed as floats.
+        rows = _fast(block.replace(b".0 ", b" ").replace(b".0\n", b"\n"), columns)
     return rows if rows is not None else _one_by_one(block, stored, columns, name, first_line)
 
 
 def plain_row(block: bytes, decimal_comma: bool = False) -> bytes:
     """Lines with blanks between plain numbers: no quotes, no carriage returns, 1 and 0 for True, ON and False, OFF."""
+    return _without_words(_divided_by_blanks(block, decimal_comma))
+
+
+def _divided_by_blanks(block: bytes, decimal_comma: bool) -> bytes:
     if decimal_comma:
         block = block.translate(_COMMAS_TO_POINTS)
     elif any(mark in block for mark in (b",", b";", b"\t")):
-        block = block.replace(b", ", b" ").translate(_TO_SPACES)
-    if b"\r" in block:
-        block = block.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if b'"' in block:
-        block = block.replace(b'"', b"")
-    # A search for words costs as much as all the rest, so it is made only where a letter of each of them may be.
-    if any(letter in block for letter in (b"e", b"E", b"n", b"N", b"f", b"F")) and _WORDS.search(block) is not None:
+        block = block.translate(_TO_SPACES)
+    return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
+
+
+def _without_words(block: bytes) -> bytes:
+    """Quotes and words cost as much as all the rest, so they are looked for only where rows are not regular."""
+    block = block.replace(b'"', b"").replace(b"  ", b" ")
+    if _WORDS.search(block) is not None:
         block = _WORDS.sub(lambda found: b"1" if found[0].lower() in (b"true", b"on") else b"0", block)
     return block
+
+
+def _fast(block: bytes, columns: Columns) -> Rows | None:
+    if b"-" not in block or columns.p != columns.count - 1 or b" 2\n" in block:
+        return _regular(block, columns)
+    rows = _regular(block.replace(b" -1\n", b" 2\n"), columns)
+    if rows is None:
+        return None
+    p = rows.p.astype(np.int64)
+    return replace(rows, p=np.where(p == 2, -1, p))
 
 
 def _regular(block: bytes, columns: Columns) -> Rows | None:
