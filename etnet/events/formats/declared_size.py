@@ -10,7 +10,7 @@ import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
-from etnet.events.formats.bounds import declared_sensor
+from etnet.events.formats.bounds import ANY_PIXELS, declared_sensor
 from etnet.events.formats.column_finder import Tree
 
 _WIDTHS = ("width", "sensor_width", "image_width", "w", "cols", "num_cols", "res_x")
@@ -19,9 +19,7 @@ _BOTH = ("resolution", "sensor_size", "sensor_resolution", "geometry", "image_si
 _CALIBRATIONS = ("", "calib/", "calibration/", "intrinsics/", "meta/", "info/")
 
 
-def size_beside(
-    tree: Tree, where: str, attributes: Callable[[str], Mapping[str, Any]], name: str, max_pixels: int
-) -> Sensor | None:
+def size_beside(tree: Tree, where: str, attributes: Callable[[str], Mapping[str, Any]], name: str) -> Sensor | None:
     """The size that stands nearest to the events in `where`, from there up to the top; None where none is stated.
 
     Two numbers under one name are width and height in either order: the larger one is the width.
@@ -30,18 +28,18 @@ def size_beside(
         for values in (attributes(group), *_scalars(tree, group)):
             sides = _sides(values)
             if sides is not None:
-                return declared_sensor(*sides, name, max_pixels)
+                return declared_sensor(*sides, name, ANY_PIXELS)
     return None
 
 
-def sensor_resolution(value: Any, name: str, max_pixels: int) -> Sensor | None:
+def sensor_resolution(value: Any, name: str) -> Sensor | None:
     """event_utils' attribute: (height, width)."""
     if value is None:
         return None
     sides = np.asarray(value).ravel()
     if sides.size < 2 or sides.dtype.kind not in "iuf" or not bool((sides[:2] >= 1).all()):
         raise RecordingError(f"{name}: its attribute sensor_resolution is {value}; wanted (height, width)")
-    return declared_sensor(sides[1], sides[0], f"{name}: its attribute sensor_resolution", max_pixels)
+    return declared_sensor(sides[1], sides[0], f"{name}: its attribute sensor_resolution", ANY_PIXELS)
 
 
 def _upwards(where: str) -> Iterator[str]:

@@ -17,7 +17,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore, Store, ZipStore, read_small
 from etnet.events.formats.arrays.leaves import MAGIC, PICKLED, header_of, is_pickled, leaves_of, load_mapped, mapped
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.bounds import check_pixels, declared_sensor
+from etnet.events.formats.bounds import ANY_PIXELS, check_pixels, declared_sensor
 from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events
 from etnet.events.formats.column_names import column_keys
 from etnet.events.formats.declared_size import size_beside
@@ -71,7 +71,7 @@ def _open_npz(request: Request) -> Opened:
     with contained(request.name, "the npz archive"):
         tree = leaves_of(store, request.members, request, mapped)
         found = found_in(tree, "an npz", request.name, remarks)
-        declared = size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name, request.assume.max_pixels)
+        declared = size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name)
     return open_table(request, Table("npz columns", found.columns, declared, settled=found.unit), remarks)
 
 
@@ -141,7 +141,7 @@ def _metadata_size(store: Store, prefix: str, request: Request) -> Sensor | None
     size = content.get("sensor_resolution") if isinstance(content, dict) else None
     if not isinstance(size, list) or len(size) < 2:
         return None
-    return declared_sensor(size[1], size[0], f"{request.name}: metadata.json", request.assume.max_pixels)
+    return declared_sensor(size[1], size[0], f"{request.name}: metadata.json", ANY_PIXELS)
 
 
 def _is_npz(request: Request) -> bool:

@@ -120,11 +120,11 @@ def _offset(file: h5py.File, request: Request) -> int:
 
 
 def _size(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
-    stated = sensor_resolution(file.attrs.get("sensor_resolution"), request.name, request.assume.max_pixels)
+    stated = sensor_resolution(file.attrs.get("sensor_resolution"), request.name)
     if stated is not None:
         return stated
     attributes = lambda group: attributes_of(file, group, request.name)  # noqa: E731
-    return size_beside(tree, where, attributes, request.name, request.assume.max_pixels)
+    return size_beside(tree, where, attributes, request.name)
 
 
 def _frames(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:

@@ -12,7 +12,7 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit, said_unit
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks
-from etnet.events.formats.bounds import declared_sensor
+from etnet.events.formats.bounds import ANY_PIXELS, declared_sensor
 from etnet.events.formats.column_names import column_keys, named_axis
 from etnet.events.formats.table_order import table_order
 from etnet.events.formats.text.rows import Columns, plain_row
@@ -128,14 +128,14 @@ def _start(head: bytes, name: str) -> Layout | None:
         if not words or words.startswith(_COMMENTS):
             geometry = _GEOMETRY.search(words)
             if geometry is not None:
-                sensor = declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head")
+                sensor = declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
             names = _names_in(words.lstrip(b"#%/ !")) or names
         else:
             has_comma = _has_decimal_comma(words)
             row = plain_row(words, has_comma).split()
             if _are_values(row):
                 if len(row) == 2 and sensor is None and not names and all(token.isdigit() for token in row):
-                    sensor = declared_sensor(int(row[0]), int(row[1]), f"{name}: its first line")
+                    sensor = declared_sensor(int(row[0]), int(row[1]), f"{name}: its first line", ANY_PIXELS)
                 elif len(row) >= 4:
                     return _layout(head, consumed, names, len(row), has_comma, sensor, name)
                 else:
