@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 MOST_HOT = 12
 SIDE = 360
 """Pixels of the count image's longer side; smaller sensors are enlarged, each pixel whole."""
-_KINDS = (("advice", "Advice"), ("repaired", "Repaired"), ("assumed", "Assumed"), ("detected", "Detected"))
+_KINDS = (("repaired", "Repaired"), ("assumed", "Assumed"), ("detected", "Detected"))
 _CLOSE = f'<button class="et-button" data-k="set:recording.examines:False" {ON_PICK}>Hide</button>'
 _OPEN = f'<button class="et-button" data-k="set:recording.examines:True" {ON_PICK}>Recording statistics</button>'
 _COLUMNS, _HIGH = 400, 100
