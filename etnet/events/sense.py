@@ -27,8 +27,11 @@ FRAMES_BESIDE = 100_000
 
 _ENOUGH = 100
 _SLICES, _SLICE = 4, 4096
-_EVENTS_A_STAMP = 100
-"""Events that share a stamp on average, from which on the clock is called coarse."""
+_COARSE_STEP = 1000
+"""µs between stamps from which on a clock is called coarse, if events share its stamps."""
+_EVENTS_A_STAMP = 20
+_SHARE_A_STAMP = 0.02
+"""Of the sensor's pixels that fire at one stamp, on average, from which on it is called coarse whatever its steps."""
 
 
 def advice_on_clock(source: EventSource, sensor: Sensor, span: Span) -> tuple[str, ...]:
@@ -53,14 +56,14 @@ def advice_on_clock(source: EventSource, sensor: Sensor, span: Span) -> tuple[st
             f"{count:,} events in {seconds:.3g} s are {rate:,.3g} a second, more than any camera reads out: is the "
             "unit of the stamps right? --time-unit s, ms, us or ns states it"
         )
-    return (*said, *_advice_on_steps(source))
+    return (*said, *_advice_on_steps(source, sensor))
 
 
 def _lasts(seconds: float) -> str:
     return f"{seconds / 86_400:,.1f} days" if seconds > 2 * 86_400 else f"{seconds:,.0f} s"
 
 
-def _advice_on_steps(source: EventSource) -> tuple[str, ...]:
+def _advice_on_steps(source: EventSource, sensor: Sensor) -> tuple[str, ...]:
     """Few stamps for many events: a clock that ticks too slowly for windows of few events."""
     num_events = num_stamps = 0
     smallest: int | None = None
@@ -73,7 +76,9 @@ def _advice_on_steps(source: EventSource) -> tuple[str, ...]:
             num_events, num_stamps = num_events + len(t), num_stamps + len(steps) + 1
             if len(steps):
                 smallest = int(steps.min()) if smallest is None else min(smallest, int(steps.min()))
-    if smallest is None or num_events < 10 * _EVENTS_A_STAMP or num_events < _EVENTS_A_STAMP * num_stamps:
+    if smallest is None or num_events < max(10, num_stamps) * _EVENTS_A_STAMP:
+        return ()
+    if smallest < _COARSE_STEP and num_events < _SHARE_A_STAMP * sensor.num_pixels * num_stamps:
         return ()
     return (
         f"about {num_events // num_stamps:,} events share a stamp, and stamps lie {smallest:,} µs apart at least: the "

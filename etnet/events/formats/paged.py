@@ -96,7 +96,8 @@ def paged(
     if is_short or sensor is None:
         for start, stop in _all(num_events) if is_short else _places(num_events, _MANY_PROBES):
             survey.look(start, read_columns(start, stop))
-            request.progress(0.5 * stop / num_events)
+            if num_events > PAGE:
+                request.progress(0.5 * stop / num_events)
     else:
         for start, stop in _places(num_events, _FEW_PROBES):
             survey.look_at_stamps(start, only_stamps(start, stop))
