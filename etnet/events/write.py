@@ -139,7 +139,10 @@ def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
 
 
 def _write_frames(part: _Part, file: h5py.File, first: int, last: int) -> int:
-    """Frames from the last one at or before the first event, or `span`, to the last one at or before its end."""
+    """Frames from the last one at or before the first event, or `span`, to the last one at or before its end.
+
+    Those that were finer than 8 bits are written with 16.
+    """
     truth = part.recording.ground_truth
     if truth is None:
         return 0
@@ -150,8 +153,12 @@ def _write_frames(part: _Part, file: h5py.File, first: int, last: int) -> int:
     for number, index in enumerate(range(begin, end)):
         part.progress(1.0)  # whoever wants to stop can do so between frames too
         stamp = int(truth.stamps[index])
-        pixels = np.rint(np.clip(truth.read_frame(index), 0, 1) * 255).astype(np.uint8)
+        white, kind = (255, np.uint8) if truth.white == 255 else (65_535, np.uint16)
+        pixels = np.rint(np.clip(truth.read_frame(index), 0, 1) * white).astype(kind)
         image = file.create_dataset(f"images/image{number:09d}", data=pixels, compression="gzip")
+        if white != 255:
+            # No part of the layout; without it a reader cannot tell dark frames from those of fewer bits.
+            image.attrs["white"] = white
         image.attrs["size"], image.attrs["type"] = np.array(pixels.shape), "greyscale"
         image.attrs["timestamp"] = stamp / 1e6
         # event_packagers' own rule: the event just before the frame, and the first one for an earlier frame.

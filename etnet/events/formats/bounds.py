@@ -31,6 +31,10 @@ from etnet.events.events import Sensor
 MAX_PIXELS = 1 << 24
 """Pixels of a sensor or picture: 4096 × 4096, more than any camera of this kind has."""
 
+ANY_PIXELS = 1 << 32
+"""What two sides of 16 bits give: for a reader that leaves the judgement to `collect` or `paged`, which know whether a
+person stated another size."""
+
 MAX_RATIO = 200
 """What grows more than this, and beyond FREE_SIZE, is taken for a bomb; event text grows about fivefold."""
 

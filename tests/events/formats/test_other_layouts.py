@@ -15,8 +15,7 @@ import scipy.io
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
-from etnet.events.formats import archive as archives
-from etnet.events.formats import compressed
+from etnet.events.formats import bounds
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events, assert_same_events
 from tests.strategies import make_events
@@ -217,8 +216,7 @@ def test_links_out_of_a_folder_are_refused(tmp_path):
 
 
 def test_bombs_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(archives, "FREE_SIZE", 1 << 20)
-    monkeypatch.setattr(compressed, "FREE_SIZE", 1 << 20)
+    monkeypatch.setattr(bounds, "FREE_SIZE", 1 << 20)
     (tmp_path / "a.txt.gz").write_bytes(gzip.compress(bytes(4 << 20), 9))
     with pytest.raises(RecordingError, match="bomb"):
         open_recording(tmp_path / "a.txt.gz")

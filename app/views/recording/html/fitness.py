@@ -104,9 +104,7 @@ def _density(moment: Moment) -> float:
 
 
 def _hot(found: Fitness) -> str:
-    cleaned = (
-        f'<button class="et-back" data-k="compare:cleaned" {ON_PICK}>Compare with a filtered run</button>'
-    )
+    cleaned = f'<button class="et-back" data-k="compare:cleaned" {ON_PICK}>Compare with a filtered run</button>'
     if not found.hot:
         return f'<div class="et-note">No hot pixels: none fires 10 times more than all its neighbours.</div>{cleaned}'
     listed = "".join(

@@ -14,9 +14,11 @@ from jaxtyping import Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request
-from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, signed_polarity
+from etnet.events.formats.columns import LARGEST_STAMP
 from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.paged import check_slice
+from etnet.events.formats.pixels import deduced_sensor
+from etnet.events.formats.polarity import signed_polarity
 from etnet.events.formats.prophesee.evt2_evt3 import Notes, State, Version
 from etnet.events.formats.prophesee.header import Header
 from etnet.events.formats.prophesee.index import Blocks, index_of
