@@ -202,3 +202,13 @@ def test_a_recording_without_events_tells_its_topics(tmp_path):
     path = record(tmp_path / "a.db3", [("/cam/image_raw", "raw", grey(1))])
     with pytest.raises(RecordingError, match=r"it holds /cam/image_raw \(sensor_msgs/Image\)"):
         open_recording(path)
+
+
+@pytest.mark.parametrize(("bits", "is_told"), [(10, True), (12, True), (16, False)])
+def test_pictures_of_fewer_bits_than_their_type_are_as_bright_as_they_were(tmp_path, bits, is_told):
+    pixels = np.full((12, 20), (1 << bits) // 2, np.uint16)
+    pixels[0, 0] = (1 << bits) - 1
+    picture = raw_picture(pixels, "mono16")
+    value, said = shown(record(tmp_path / "a.db3", [("/dvs/events", "events", EVENTS), ("/dvs/i", "raw", picture)]))
+    assert value == 128
+    assert ("was taken for white" in said) == is_told

@@ -10,16 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float32
 
 from etnet.errors import RecordingError
-from etnet.events.cache import FrameCache, grey
+from etnet.events.cache import FrameCache
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request
-from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.decode import Decoded, collect
+from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.trigger_table import TriggerTable
-from etnet.events.recording import GroundTruth
+from etnet.events.recording import GroundTruth, Span
 
 _PACKET = struct.Struct("<hhiiiiii")
 _FRAME = struct.Struct("<I4i4i")
@@ -62,7 +61,7 @@ def _open(request: Request) -> Opened:
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(others, remarks)
-    truth, triggers = _truth(others, remarks), others.triggers.triggers(remarks)
+    truth, triggers = _truth(others, collected.span, request.name, remarks), others.triggers.triggers(remarks)
     kept = tuple(remarks.kept)
     return Opened("AEDAT 3.1", collected.source, collected.sensor, collected.span, kept, truth, triggers=triggers)
 
@@ -135,15 +134,11 @@ def _keep_frames(payload: bytes, event_size: int, overflow: int, others: _Others
         others.stamps.append((opened + closed) // 2 + (overflow << 31))
 
 
-def _truth(others: _Others, remarks: Remarks) -> GroundTruth | None:
+def _truth(others: _Others, span: Span, name: str, remarks: Remarks) -> GroundTruth | None:
     if len(others.frames) == 0:
         return None
-
-    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-        return grey(others.frames[index])
-
-    stamps = np.array(others.stamps, np.int64)
-    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+    stamps, size = np.array(others.stamps, np.int64), Sensor(others.shape[1], others.shape[0])
+    return attached(Frames(stamps, "us", others.frames.__getitem__, size), span, "us", name, remarks)
 
 
 def _say(others: _Others, remarks: Remarks) -> None:

@@ -8,19 +8,19 @@ from typing import Any
 
 import aedat
 import numpy as np
-from jaxtyping import Float32
 
 from etnet.errors import RecordingError
-from etnet.events.cache import FrameCache, grey
+from etnet.events.cache import FrameCache
+from etnet.events.events import Sensor
 from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import declared_sensor
-from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.decode import collect
+from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.imu import InertialTable
 from etnet.events.formats.packets import Packets
 from etnet.events.formats.trigger_table import TriggerTable
-from etnet.events.recording import GroundTruth
+from etnet.events.recording import GroundTruth, Span
 
 _ROUGH_BYTES_PER_EVENT = 6
 _EDGES = {1: 1, 2: -1, 3: 0}
@@ -63,7 +63,7 @@ def _open(request: Request) -> Opened:
     if packets.break_off is not None:
         remarks.repaired(packets.break_off)
     _say(others, collected.source.num_events, remarks)
-    truth, inertial = _truth(others, remarks), others.motion.inertial(remarks)
+    truth, inertial = _truth(others, collected.span, request.name, remarks), others.motion.inertial(remarks)
     triggers = others.triggers.triggers(remarks)
     kept = tuple(remarks.kept)
     return Opened(
@@ -128,15 +128,11 @@ def _keep_frame(frame: dict[str, Any], others: _Others) -> None:
     others.stamps.append(int(frame["t"]))
 
 
-def _truth(others: _Others, remarks: Remarks) -> GroundTruth | None:
-    if len(others.frames) == 0:
+def _truth(others: _Others, span: Span, name: str, remarks: Remarks) -> GroundTruth | None:
+    if others.first is None or len(others.frames) == 0:
         return None
-
-    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-        return grey(others.frames[index])
-
-    stamps = np.array(others.stamps, np.int64)
-    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+    stamps, size = np.array(others.stamps, np.int64), Sensor(others.first.shape[1], others.first.shape[0])
+    return attached(Frames(stamps, "us", others.frames.__getitem__, size), span, "us", name, remarks)
 
 
 def _say(others: _Others, num_events: int, remarks: Remarks) -> None:

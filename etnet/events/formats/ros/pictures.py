@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
 
 from etnet.errors import RecordingError
-from etnet.events.cache import FrameCache, Scratch, grey
+from etnet.events.cache import FrameCache, Scratch
+from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks
 from etnet.events.formats.bounds import MAX_PIXELS
-from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.columns import from_nanoseconds
+from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.ros.containers import Message, plain_type
 from etnet.events.formats.ros.image_messages import (
     COMPRESSED_IMAGES,
@@ -128,10 +128,9 @@ class Pictures:
             remarks.detected(f"{len(stamps)} pictures of {name} are on another clock than the events: not shown")
             return None
 
-        def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-            return grey(topic.frames[index], is_bgr=topic.is_bgr)
-
-        return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+        size = Sensor(topic.shape[1], topic.shape[0])
+        frames = Frames(stamps, "us", topic.frames.__getitem__, size, topic.is_bgr)
+        return attached(frames, span, "us", f"pictures of {name}", remarks)
 
     def _say_unread(self, shown: str, remarks: Remarks) -> None:
         for topic, kinds in self.unread.items():
