@@ -14,7 +14,7 @@ from rich.table import Table
 from etnet.cli.progress import fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError
-from etnet.events.examine import Examination, examine
+from etnet.events.examine import Examination, TriggersExam, examine
 from etnet.files import check_target
 
 _BARS = " ▁▂▃▄▅▆▇█"
@@ -98,11 +98,20 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         size = f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second"
         since = f"the first {frames.first_after_first_event:+,} µs from the first event"
         rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
+    if found.triggers is not None:
+        rows.append(("triggers", _triggers(found.triggers)))
     if found.num_looked_at < found.num_events:
         rows.append(("looked at", f"{found.num_looked_at:,} events, in blocks spread evenly over it"))
     duration = f" or {found.suggested_duration:,} µs" if found.suggested_duration else ""
     rows.append(("window", f"{found.suggested_events:,} events{duration} would suit"))
     return rows
+
+
+def _triggers(found: TriggersExam) -> str:
+    inputs = ", ".join(map(str, found.channels))
+    edges = f"{found.num_rising:,} rising, {found.num_falling:,} falling"
+    span = f"stamps {found.first:,} … {found.last:,} µs, {found.num_outside_span:,} outside the events' span"
+    return f"{found.num_triggers:,} on input {inputs}: {edges}; {span}"
 
 
 def _pixels(found: Examination) -> str:

@@ -27,6 +27,8 @@ class Assumptions:
     `sort` puts stamps in order, `drop_outside` leaves out events beyond the sensor; either makes the reader load the
     whole file. `max_pixels` bounds the sensor and the camera's pictures. `pixels`: "whole" takes coordinates as they
     are, "rounded" rounds fractions, "32nds" divides fixed-point numbers by 32, "from1" moves a count from 1 to 0.
+    `topic` chooses among several cameras: in ROS the topic of the events, after a comma that of the pictures (either
+    may be left out); in AEDAT 4 the number of the event stream.
     """
 
     width: int | None = None
@@ -37,6 +39,7 @@ class Assumptions:
     drop_outside: bool = False
     max_pixels: int = MAX_PIXELS
     pixels: PixelRule = "whole"
+    topic: str | None = None
 
     def __post_init__(self) -> None:
         if (self.width is None) != (self.height is None):

@@ -55,6 +55,19 @@ class FramesExam:
 
 
 @dataclass(frozen=True, slots=True)
+class TriggersExam:
+    """The edges on the camera's trigger inputs; times in µs. What is neither rising nor falling has no known edge."""
+
+    num_triggers: int
+    num_rising: int
+    num_falling: int
+    channels: tuple[int, ...]
+    first: int
+    last: int
+    num_outside_span: int
+
+
+@dataclass(frozen=True, slots=True)
 class Examination:
     """What was found. `as_dict` is ready for JSON. All times in µs, rates in events per second.
 
@@ -86,6 +99,7 @@ class Examination:
     num_silent_pixels: int | None
     hot_pixels: tuple[HotPixel, ...]
     frames: FramesExam | None
+    triggers: TriggersExam | None
     suggested_events: int
     suggested_duration: int
     remarks: tuple[str, ...]
@@ -185,6 +199,7 @@ def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> 
         num_silent_pixels=int(np.count_nonzero(image == 0)) if is_each_pixel else None,
         hot_pixels=hot[:_MOST_NAMED],
         frames=frames,
+        triggers=_triggers(recording),
         suggested_events=suggested,
         suggested_duration=round(suggested * 1e6 / mean_rate) if mean_rate else 0,
         remarks=tuple(str(remark) for remark in recording.remarks),
@@ -251,6 +266,22 @@ def _frames(recording: Recording) -> FramesExam | None:
     )
 
 
+def _triggers(recording: Recording) -> TriggersExam | None:
+    triggers = recording.triggers
+    if triggers is None or len(triggers) == 0:
+        return None
+    stamps = triggers.stamps
+    return TriggersExam(
+        num_triggers=len(triggers),
+        num_rising=int(np.count_nonzero(triggers.edges > 0)),
+        num_falling=int(np.count_nonzero(triggers.edges < 0)),
+        channels=tuple(np.unique(triggers.channels).tolist()),
+        first=int(stamps[0]),
+        last=int(stamps[-1]),
+        num_outside_span=int(np.count_nonzero((stamps < recording.span.start) | (stamps > recording.span.stop))),
+    )
+
+
 def _advice(recording: Recording, tally: _Tally, hot: tuple[HotPixel, ...]) -> tuple[str, ...]:
     """What a person should know before trusting a picture made of these events; what was said on opening first."""
     said = [remark.text for remark in recording.remarks if remark.kind == "advice"]
@@ -280,6 +311,6 @@ def _advice(recording: Recording, tally: _Tally, hot: tuple[HotPixel, ...]) -> t
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
-    if isinstance(value, (Gap, HotPixel, FramesExam)):
-        return {part.name: getattr(value, part.name) for part in fields(value)}
+    if isinstance(value, (Gap, HotPixel, FramesExam, TriggersExam)):
+        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
     return value

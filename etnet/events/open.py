@@ -84,6 +84,7 @@ def open_recording(
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
+        triggers=opened.triggers,
         opened_as=OpenedAs(assume, view),
         growth=opened.growth,
     )

@@ -167,7 +167,10 @@ class Recording:
     growth: Growth | None = None
     """Set where these are not yet all events of the file."""
     latest: Callable[[], Recording] | None = field(default=None, repr=False)
-    """Of a recording that is still being made: what it is by now, with all that it was at its beginning."""
+    """Of a recording that is still being made: what it is by now, with all that it was at its beginning.
+
+    It has all events before the stamp of its last frame.
+    """
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)

@@ -29,6 +29,8 @@ class Stated:
     """Most pixels of a sensor or camera picture that a file may declare."""
     pixels: Literal["whole", "rounded", "32nds", "from1"] = "whole"
     """"rounded" rounds fractions, "32nds" divides fixed-point coordinates, "from1" takes a count from 1 to 0."""
+    topic: str | None = None
+    """Of several cameras: the ROS topic of the events, and after a comma that of the pictures; the AEDAT4 stream."""
 
     @staticmethod
     def of(assumed: Assumptions) -> Stated:
@@ -42,13 +44,22 @@ class Stated:
             assumed.time_unit,
             assumed.max_pixels,
             assumed.pixels,
+            assumed.topic,
         )
 
     def assumptions(self) -> Assumptions:
         """The same, for a reader."""
         width, height = _sensor(self.assume)
         return Assumptions(
-            width, height, self.time_unit, self.polarity, self.sort, self.drop_outside, self.max_pixels, self.pixels
+            width,
+            height,
+            self.time_unit,
+            self.polarity,
+            self.sort,
+            self.drop_outside,
+            self.max_pixels,
+            self.pixels,
+            self.topic,
         )
 
 

@@ -16,6 +16,10 @@ from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
 from tests.events.formats.test_camera_samples import global_shutter, picture, saved, with_events
+from tests.events.formats.test_ros_containers import killed_bag, packets_of_evt21
+from tests.events.formats.test_ros_pictures import EVENTS as ROS_EVENTS
+from tests.events.formats.test_ros_pictures import grey, packed_grey, record
+from tests.events.formats.test_triggers import EDGES, triggered
 from tests.events.fuzz import fuzz, is_ours
 from tests.real_data import real_file
 from tests.strategies import make_events
@@ -27,6 +31,7 @@ WRITTEN = ("event_utils.h5", "dsec.hdf5", "aedat4.aedat4", "evt3.raw", "csv.csv"
 MADE = (
     *("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy", "davis.aedat"),
     *("columns.h5", "records.h5", "frames.h5", "records.npz", "xypt.npz", "pandas.csv", "metavision.csv"),
+    *("pictures.db3", "killed.active", "triggers.raw", "packets.mcap"),
 )
 REAL = (
     "aedat4/davis346_street_0.17s.aedat4",
@@ -70,6 +75,15 @@ def seed_file(name: str, folder):
         save_found(path, events)
     elif name == "davis.aedat":
         saved(path, with_events(global_shutter([picture(np.random.default_rng(0))]))[0])
+    elif name == "pictures.db3":
+        kinds = [("/dvs/image_raw", "raw", grey(9)), ("/dvs/image_raw/compressed", "packed", packed_grey(9))]
+        record(path, [("/dvs/events", "events", ROS_EVENTS), *kinds])
+    elif name == "killed.active":
+        killed_bag(path)
+    elif name == "triggers.raw":
+        write_recording(triggered(EDGES, events), path)
+    elif name == "packets.mcap":
+        packets_of_evt21(path)
     else:
         np.save(path, np.stack([events.t, events.x, events.y, events.p], 1))
     return path

@@ -12,6 +12,7 @@ from etnet.events.assumptions import Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Sensor
 from etnet.events.recording import EventSource, GroundTruth, Growth, Inertial, Remark, Span
+from etnet.events.triggers import Triggers
 
 HEAD_BYTES = 4096
 
@@ -52,6 +53,7 @@ class Opened:
     ground_truth: GroundTruth | None = None
     inertial: Inertial | None = None
     growth: Growth | None = None
+    triggers: Triggers | None = None
 
 
 @dataclass(frozen=True)

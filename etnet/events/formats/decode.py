@@ -28,6 +28,7 @@ from etnet.events.formats.polarity import Coding, say_coding, say_unusual, signe
 from etnet.events.formats.stamp_order import Clock32, StampOrder
 from etnet.events.formats.time_unit import PER_SECOND, Evidence
 from etnet.events.recording import EventSource, Growth, Span
+from etnet.events.triggers import Triggers
 
 FEW = 0.01
 """The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
@@ -52,6 +53,7 @@ class Collected:
     sensor: Sensor
     span: Span
     growth: Growth | None = None
+    triggers: Triggers | None = None
 
 
 @dataclass
