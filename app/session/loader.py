@@ -8,12 +8,12 @@ from typing import Any
 
 from app.catalogue.part_id import whole_id
 from app.catalogue.visitor import VisitorCatalogue
-from app.engine.growth import grown_plan
 from app.html.moment import Moment
 from app.session.opening import Opened, Opener, Opening, Plan, Unopened
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from etnet.errors import EtnetError
+from etnet.windows import plan_windows
 
 
 class RecordingLoader:
@@ -88,7 +88,7 @@ class RecordingLoader:
             return False, None  # it is gone; the next one to open it is told
         if recording is held.recording:
             return False, None
-        windows = grown_plan(recording, held.policy, held.windows)
+        windows = plan_windows(recording, held.policy, held.windows)
         self._opened = replace(held, recording=recording, windows=windows)
         return True, self._nearer(state, self._opened)
 

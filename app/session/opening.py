@@ -10,13 +10,12 @@ from app.catalogue.part_id import known_as
 from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
-from app.engine.growth import grown_plan
 from app.html.moment import Moment
 from app.state.view_state import Limits
 from app.views.timeline.html import curve_of
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
-from etnet.windows import Policy, Window
+from etnet.windows import Policy, Window, plan_windows
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,7 @@ class Opener:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
             policy = suited_policy(recording) if plan.policy is None else plan.policy
-            windows = grown_plan(recording, policy)
+            windows = plan_windows(recording, policy)
             if len(windows) == 0:
                 self._tell(Unopened(plan, f"{recording.name}: holds no events, so there is nothing to show"))
             else:
