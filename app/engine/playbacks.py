@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
 from app.engine.denoised import cleaned_once
-from app.engine.growth import grown_plan
 from app.engine.requests import FrameRequest
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.windows import Window, from_window
+from etnet.windows import Window, from_window, plan_windows
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -116,7 +115,7 @@ class LoadedPlayback:
         if latest is None or request.cold_at or request.index < len(self.windows):
             return
         recording = latest()
-        windows = grown_plan(recording, request.policy, self.windows)
+        windows = plan_windows(recording, request.policy, self.windows)
         self.playback.grow(recording, windows)
         if self.branch is not None:
             self.branch[1].grow(recording, windows)
@@ -230,7 +229,7 @@ class PlaybackCache:
 
         recording = self._library.open(request.recording_id)
         recording = cleaned_once(recording, request.cleaning)
-        windows = from_window(grown_plan(recording, request.policy), request.cold_at)
+        windows = from_window(plan_windows(recording, request.policy), request.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(request.model_id, request.precision)

@@ -11,7 +11,6 @@ from app.catalogue.videos import KEPT, Videos, VideoShown, film_id, split_id
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE
 from app.config import ViewerConfig
-from app.engine.growth import grown_plan
 from app.engine.requests import FrameRequest
 from app.session.loader import RecordingLoader
 from app.session.opening import Opened, Opening, Unopened
@@ -134,7 +133,7 @@ def test_a_page_goes_on_to_the_moment_that_was_asked_for_as_it_is_made(stepped):
     from app.session.opening import Plan
 
     plan = Plan("v", policy)
-    opened = Opened(plan, policy, recording, grown_plan(recording, policy))
+    opened = Opened(plan, policy, recording, plan_windows(recording, policy))
     follows, trouble = held.take(opened, state)
     assert (follows, trouble) == ((RenameRecording("v"), Settle(policy)), "")
     for intent in follows:
