@@ -11,9 +11,10 @@ import torch
 from einops import rearrange
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import linear, scaled_dot_product_attention
+from torch.nn.functional import linear
 
 from etnet.errors import ModelError
+from etnet.nets.attention_kernels import KERNELS
 from etnet.nets.base import kept_alive
 from etnet.nets.intervention import Intervention
 from etnet.nets.padding import TokenGrid
@@ -129,8 +130,7 @@ class Observer:
 class MultiHeadAttention(nn.Module):
     """Scaled dot-product attention with one fused input projection (q, k, v in this order).
 
-    `path` is "fused" (torch's kernel, for inference and large grids) or "plain" (matmul and softmax, faster in
-    training at a few hundred tokens). `scales_by_tokens` multiplies the logits by log N / log 196.
+    `path` names one of `attention_kernels.KERNELS`. `scales_by_tokens` multiplies the logits by log N / log 196.
     """
 
     def __init__(self, dim: int, heads: int, site: str, scales_by_tokens: bool = False) -> None:
@@ -154,10 +154,8 @@ class MultiHeadAttention(nn.Module):
 
         if observer.is_uniform(self.site):
             mixed = v.mean(2, keepdim=True).expand_as(q)
-        elif self.path == "fused":
-            mixed = scaled_dot_product_attention(q, k, v, scale=scale)
         else:
-            mixed = torch.softmax(q @ k.transpose(-1, -2) * scale, dim=-1) @ v
+            mixed = KERNELS[self.path](q, k, v, scale)
         if masked := observer.masked_heads(self.site):
             mixed = mixed.index_fill(1, torch.tensor(masked, device=mixed.device), 0.0)
 
