@@ -33,13 +33,13 @@ def pack(model: nn.Module) -> None:
         elif isinstance(module, ConvLSTM):
             module.forward = PackedMemory(module)
         elif isinstance(module, nn.Conv2d) and _is_simple(module):
-            module.forward = PackedConvolution(module, "none", module)
+            module.forward = PackedConvolution(module, "none", module)  # pyright: ignore[reportAttributeAccessIssue]
         elif isinstance(module, FeedForward):
             module.forward = PackedFeedForward(module)
         elif isinstance(module, MultiHeadAttention):
             module._project = PackedProjection(module)
         elif isinstance(module, nn.Linear):
-            module.forward = PackedLinear(module, "none", module)
+            module.forward = PackedLinear(module, "none", module)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def unpack(model: nn.Module) -> None:

@@ -127,12 +127,11 @@ def _step(model: Network, runtime: Runtime, device: str) -> tuple[float, Tensor]
     votes = torch.randn(_PROBE_STEPS, 1, model.bins, *_PROBE_SIZE, generator=generator)
     voxels = (votes * (votes.abs() > 1)).to(device)
     with torch.inference_mode():
-        state = None
-        for voxel in voxels:
-            step = model(voxel, state)
-            state = step.state
+        step = model(voxels[0])
+        for voxel in voxels[1:]:
+            step = model(voxel, step.state)
 
         def again() -> None:
-            float(model(voxels[-1], state).frame[0, 0, 0, 0])
+            float(model(voxels[-1], step.state).frame[0, 0, 0, 0])
 
         return best_of(again, runs=2), step.frame.float().cpu()

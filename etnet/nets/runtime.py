@@ -6,6 +6,7 @@ import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import torch
@@ -68,6 +69,7 @@ def contract_of(model: object) -> Contract:
     )
 
 
+@lru_cache(maxsize=1)
 def isa_of_machine() -> str:
     """The vector instructions that torch uses on this processor, with those for bf16 where it has them."""
     features = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
