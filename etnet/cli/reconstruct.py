@@ -1,9 +1,9 @@
-"""`etnet reconstruct FILE`: PNG frames with their stamps, and an MP4."""
+"""`etnet reconstruct FILE …`: PNG frames with their stamps, and an MP4, of one recording or of many."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,22 +15,28 @@ from etnet.cli.live_frames import run_as_cut
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
+from etnet.errors import EtnetError
 from etnet.events.recording import Recording
 from etnet.windows import Window, plan_windows
 
 
+LARGE_SENSOR = 400_000
+"""Pixels from which on a run's time is told before it begins."""
+
+
 @dataclass(frozen=True)
 class Reconstruct:
-    """Turn a recording into frames: PNG files, a table of their stamps, and a video.
+    """Turn recordings into frames: PNG files, a table of their stamps, and a video.
 
+    Many are shared out among the processes of torchrun or SLURM, and what is finished is not done again (docs/many.md).
     With --live a camera, a stream or a replayed recording takes the file's place (`etnet reconstruct --live --help`);
     of what was recorded then, `--windows as-cut` gives the live frames again.
     """
 
-    file: tyro.conf.Positional[Path]
-    """A recording: a file, a folder or a zip."""
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """Recordings: files, folders, zips, and folders of them."""
     out: Path = Path("reconstruction")
-    """Folder for frames/, stamps.csv and video.mp4."""
+    """Folder for frames/, stamps.csv and video.mp4; with several recordings one folder each in it."""
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
@@ -52,14 +58,42 @@ def parse(arguments: Sequence[str], program: str) -> Reconstruct | ReconstructLi
 
 def run(config: Reconstruct | ReconstructLive) -> int:
     """Do it; returns the exit code."""
-    from etnet.nets.weights import load_model
+    from etnet.cli.many import jobs_of, recordings_in, run_many, this_share
 
     if isinstance(config, ReconstructLive):
         return run_live(config)
+    if not config.files:
+        raise EtnetError("there is nothing to reconstruct: name a recording, or several")
     if config.windows == "as-cut":
-        places = config.file, config.opening, config.out
+        if len(config.files) > 1:
+            raise EtnetError(f"--windows as-cut takes one recording at a time, got {len(config.files)}")
+        places = config.files[0], config.opening, config.out
         return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
-    with open_with_progress(config.file, config.opening) as recording:
+    recordings = recordings_in(config.files, config.out)
+    if len(recordings) == len(config.files) == 1 and recordings[0] == config.files[0]:
+        num_frames = _reconstruct(config, recordings[0], lambda _: None)
+        console.print(f"wrote {num_frames} frames to {config.out}", markup=False, soft_wrap=True)
+        return 0
+
+    def work(path: Path, folder: Path, told: Callable[[float], None]) -> int:
+        return _reconstruct(replace(config, out=folder), path, told)
+
+    return run_many(jobs_of(recordings, config.out), this_share(), _settings(config), work)
+
+
+def _settings(config: Reconstruct) -> str:
+    """All that decides what is written, the weights file's size and time of change included."""
+    weights = Path(config.model)
+    status = weights.stat() if weights.is_file() else None
+    mark = "" if status is None else f" {status.st_size} {status.st_mtime_ns}"
+    return f"{replace(config, files=(), out=Path())}{mark}"
+
+
+def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None]) -> int:
+    """One recording; how many frames were written."""
+    from etnet.nets.weights import load_model
+
+    with open_with_progress(path, config.opening) as recording:
         for remark in recording.remarks:
             console.print(f"[dim]{remark}[/dim]")
         policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
@@ -70,12 +104,32 @@ def run(config: Reconstruct | ReconstructLive) -> int:
             f"{recording.name}: {recording.sensor}, {recording.num_events:,} events, {len(windows)} windows; "
             f"model {model.name}, {model.runtime.precision}, display gamma {gamma:g}"
         )
-        _write(config, recording, model, policy, windows, gamma)
-    console.print(f"wrote {len(windows)} frames to {config.out}", markup=False, soft_wrap=True)
-    return 0
+        _tell_time(model, recording, len(windows))
+        _write(config, recording, model, policy, windows, gamma, told)
+    return len(windows)
 
 
-def _write(config: Reconstruct, recording: Recording, model, policy, windows: Sequence[Window], gamma: float) -> None:
+def _tell_time(model, recording: Recording, num_windows: int) -> None:
+    """Say before a long run how long it will take: attention costs the square of a large sensor's tokens."""
+    from etnet.cli.many import in_words
+    from etnet.nets.expected import expected_step_seconds
+
+    if recording.sensor.num_pixels < LARGE_SENSOR:
+        return
+    seconds = expected_step_seconds(model, recording.sensor.height, recording.sensor.width)
+    remedy = "; --opening.downsample 2 or --opening.region takes a fraction of it"
+    console.print(f"about {seconds:.1f} s a window, {in_words(seconds * num_windows)} in all{remedy}", soft_wrap=True)
+
+
+def _write(
+    config: Reconstruct,
+    recording: Recording,
+    model,
+    policy,
+    windows: Sequence[Window],
+    gamma: float,
+    told: Callable[[float], None],
+) -> None:
     from etnet.export.images import to_uint8, write_atomically, write_png
     from etnet.export.video import video_writer
     from etnet.reconstruction import reconstruct
@@ -90,6 +144,7 @@ def _write(config: Reconstruct, recording: Recording, model, policy, windows: Se
             write_png(config.out / "frames" / f"frame_{window.index:06d}.png", image)
             append(image)
             stamps.append(f"{window.index},{window.t_stop},{window.t_start},{window.num_events}")
+            told((window.index + 1) / len(windows))
     write_atomically(config.out / "stamps.csv", ("\n".join(stamps) + "\n").encode())
 
 
