@@ -19,6 +19,9 @@ from etnet.errors import EtnetError
 from etnet.events.recording import Recording
 from etnet.windows import Window, plan_windows
 
+LARGE_SENSOR = 400_000
+"""Pixels from which on a run's time is told before it begins."""
+
 
 LARGE_SENSOR = 400_000
 """Pixels from which on a run's time is told before it begins."""

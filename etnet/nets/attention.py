@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear
 
 from etnet.errors import ModelError
-from etnet.nets.attention_kernels import KERNELS
+from etnet.nets.attention_kernels import KERNELS, log_normaliser
 from etnet.nets.base import kept_alive
 from etnet.nets.intervention import Intervention
 from etnet.nets.padding import TokenGrid
@@ -53,6 +53,7 @@ class Attention:
     scales: dict[str, float]
     values: dict[str, Float[Tensor, "heads n d"]] = field(default_factory=dict)
     outputs: dict[str, Float[Tensor, "heads d dim"]] = field(default_factory=dict)
+    _normalisers: dict[str, Float[Tensor, "heads n"]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def sites(self) -> tuple[str, ...]:
@@ -70,18 +71,18 @@ class Attention:
         chosen = self.queries[site][:, list(tokens)].float()
         return torch.softmax(chosen @ self.keys[site].float().transpose(-1, -2) * self.scales[site], dim=-1)
 
-    def columns(self, site: str, tokens: Sequence[int], tile: int = 1024) -> Float[Tensor, "heads queries keys"]:
+    def columns(self, site: str, tokens: Sequence[int]) -> Float[Tensor, "heads queries keys"]:
         """Who looks at each of `tokens`: entry (h, i, j) is the weight that query i gives to key `tokens[j]`.
 
-        Every query's softmax runs over all keys, so this costs the whole map, in tiles of `tile` queries.
+        Every query's softmax runs over all keys. A site's first column costs its whole map, in tiles; its sums are
+        kept (4 bytes a query and head), so that every further one costs one product.
         """
-        num_tokens = self.queries[site].shape[1] if site in self.queries else 0
-        parts = [
-            self.rows(site, range(start, min(start + tile, num_tokens)))[..., list(tokens)]
-            for start in range(0, num_tokens, tile)
-        ]
         self._require(site)
-        return torch.cat(parts, dim=1)
+        if site not in self._normalisers:
+            self._normalisers[site] = log_normaliser(self.queries[site], self.keys[site], self.scales[site])
+        chosen = self.keys[site][:, list(tokens)].float().transpose(-1, -2)
+        logits = self.queries[site].float() @ chosen * self.scales[site]
+        return (logits - self._normalisers[site][..., None]).exp()
 
     def _require(self, site: str) -> None:
         if site not in self.queries:

@@ -56,6 +56,18 @@ def by_heads(query: Queries, key: Keys, value: Keys, scale: float) -> Queries:
     return mixed
 
 
+def log_normaliser(query: Float[Tensor, "h n d"], key: Float[Tensor, "h m d"], scale: float) -> Float[Tensor, "h n"]:
+    """log Σ_j exp(scale · q_i k_j) in fp32, tile by tile: what a row of the map was divided by."""
+    query, keys = query.float() * (scale * math.log2(math.e)), key.float().contiguous().transpose(-1, -2)
+    sums = torch.empty(query.shape[:-1], device=query.device)
+    for start in range(0, query.shape[1], TILE):
+        logits = query[:, start : start + TILE] @ keys
+        largest = logits.amax(-1, keepdim=True)
+        logits.sub_(largest).exp2_()
+        sums[:, start : start + TILE] = logits.sum(-1).log2_() + largest[..., 0]
+    return sums * math.log(2)
+
+
 def _mix_one_head(query: Tensor, key: Tensor, turned_value: Tensor, mixed: Tensor) -> None:
     """Fill `mixed` ("n d"); `turned_value` is "d n"."""
     product = torch.ops.mkldnn._linear_pointwise
