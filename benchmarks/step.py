@@ -128,6 +128,7 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="+", default=list(SIZES))
     parser.add_argument("--models", nargs="+", default=["etnet-half", "etnet"])
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--stages", nargs="*", default=[], help="only these of: before, channels-last, packed, after")
     parser.add_argument("--name", default="step")
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
@@ -141,7 +142,8 @@ def main() -> None:
             is_large = SIZES[size][0] > 300 and options.device == "cpu"
             for precision in precisions:
                 which = ["before", "after"] if is_large else list(stages(precision, options.device))
-                rows += measure(preset, size, precision, which, 1 if is_large else options.runs, options)
+                which = [name for name in which if not options.stages or name in options.stages]
+                rows += measure(preset, size, precision, which, 0 if is_large else options.runs, options)
     report(options.name, rows)
 
 

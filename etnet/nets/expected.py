@@ -24,7 +24,7 @@ def expected_step_seconds(model: Network, height: int, width: int) -> float:
         for side in _SIDES:
             voxel = torch.zeros(1, model.bins, side, side, device=device_of(model))
             seconds.append(best_of(lambda voxel=voxel: float(model(voxel).frame[0, 0, 0, 0]), runs=1))
-    return extrapolated(*seconds, TokenGrid(height, width).num_tokens)
+    return extrapolated(seconds[0], seconds[1], TokenGrid(height, width).num_tokens)
 
 
 def extrapolated(small: float, large: float, num_tokens: int) -> float:
