@@ -23,15 +23,12 @@ LARGE_SENSOR = 400_000
 """Pixels from which on a run's time is told before it begins."""
 
 
-LARGE_SENSOR = 400_000
-"""Pixels from which on a run's time is told before it begins."""
-
-
 @dataclass(frozen=True)
 class Reconstruct:
     """Turn recordings into frames: PNG files, a table of their stamps, and a video.
 
     Many are shared out among the processes of torchrun or SLURM, and what is finished is not done again (docs/many.md).
+
     With --live a camera, a stream or a replayed recording takes the file's place (`etnet reconstruct --live --help`);
     of what was recorded then, `--windows as-cut` gives the live frames again.
     """
@@ -70,7 +67,7 @@ def run(config: Reconstruct | ReconstructLive) -> int:
     if config.windows == "as-cut":
         if len(config.files) > 1:
             raise EtnetError(f"--windows as-cut takes one recording at a time, got {len(config.files)}")
-        places = config.files[0], config.opening, config.out
+        places = next(iter(config.files)), config.opening, config.out
         return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
     recordings = recordings_in(config.files, config.out)
     if len(recordings) == len(config.files) == 1 and recordings[0] == config.files[0]:
