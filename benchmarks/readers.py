@@ -49,6 +49,18 @@ def _events() -> Events:
     return Events(x.astype(np.uint16), y.astype(np.uint16), t, rng.choice([-1, 1], NUM_EVENTS).astype(np.int8), SENSOR)
 
 
+def _rows() -> Events:
+    """Rows of pixels that change together, as the readout of a large sensor sends them: EVT 3.0 packs them in masks."""
+    rng = np.random.default_rng(1)
+    num_rows = NUM_EVENTS // 20
+    length = 20
+    x = (rng.integers(0, SENSOR.width - length, num_rows)[:, None] + np.arange(length)).reshape(-1)
+    y = np.repeat(rng.integers(0, SENSOR.height, num_rows), length)
+    t = np.repeat(np.cumsum(rng.integers(0, 9, num_rows)), length)
+    p = np.repeat(rng.choice([-1, 1], num_rows), length)
+    return Events(x.astype(np.uint16), y.astype(np.uint16), t, p.astype(np.int8), SENSOR)
+
+
 def ours(path: Path) -> Columns:
     """Open a recording and read all of it."""
     with open_recording(path, assume=Assumptions(width=SENSOR.width, height=SENSOR.height)) as recording:
@@ -167,6 +179,9 @@ def _files(folder: Path, wanted: list[str]) -> dict[str, Pair]:
         if layout in wanted:
             write_recording(recording, folder / name, layout)
             files[layout] = Pair(folder / name, library, bare)
+    if "evt3 rows" in wanted:
+        write_recording(recording_of_events(_rows()), folder / "rows.raw", "evt3")
+        files["evt3 rows"] = Pair(folder / "rows.raw", faery_columns, bare_faery)
     packet = np.empty(len(events), faery.EVENTS_DTYPE)
     packet["t"], packet["x"], packet["y"], packet["on"] = events.t, events.x, events.y, events.p > 0
     for kind, name, version in (
@@ -220,7 +235,7 @@ def _timed(kind: str, pair: Pair) -> list[dict[str, object]]:
     ]
 
 
-ALL = ("event_utils", "dsec", "npz", "aedat4", "evt3", "evt2", "dat", "event stream", "RPG text")
+ALL = ("event_utils", "dsec", "npz", "aedat4", "evt3", "evt3 rows", "evt2", "dat", "event stream", "RPG text")
 
 
 def main() -> None:

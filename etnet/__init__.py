@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from etnet.events.events import Events, Sensor
     from etnet.events.open import open_recording
     from etnet.events.recording import GroundTruth, Recording
+    from etnet.events.triggers import Triggers
     from etnet.nets.attention import Attention, AttentionProbe
     from etnet.nets.base import State, Step
     from etnet.nets.intervention import Intervention
@@ -19,7 +20,17 @@ if TYPE_CHECKING:
     from etnet.playback.playback import Playback
     from etnet.reconstruction import reconstruct
     from etnet.voxel import voxel_grid
-    from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window, plan_windows
+    from etnet.windows import (
+        BetweenFrames,
+        ByActivity,
+        ByCount,
+        ByCountOrDuration,
+        ByDensity,
+        ByDuration,
+        ByStamps,
+        Window,
+        plan_windows,
+    )
 
 __version__ = "0.1.0"
 
@@ -27,9 +38,12 @@ _HOMES = {
     "Attention": "etnet.nets.attention",
     "AttentionProbe": "etnet.nets.attention",
     "BetweenFrames": "etnet.windows",
+    "ByActivity": "etnet.windows",
     "ByCount": "etnet.windows",
+    "ByCountOrDuration": "etnet.windows",
     "ByDensity": "etnet.windows",
     "ByDuration": "etnet.windows",
+    "ByStamps": "etnet.windows",
     "Cancelled": "etnet.errors",
     "EtnetError": "etnet.errors",
     "EventEdit": "etnet.events.edit",
@@ -43,6 +57,7 @@ _HOMES = {
     "Sensor": "etnet.events.events",
     "State": "etnet.nets.base",
     "Step": "etnet.nets.base",
+    "Triggers": "etnet.events.triggers",
     "WeightsError": "etnet.errors",
     "Window": "etnet.windows",
     "WindowError": "etnet.errors",
@@ -55,8 +70,9 @@ _HOMES = {
 }
 
 __all__ = [  # noqa: RUF022  in the order of the pipeline
-    "open_recording", "Recording", "Events", "Sensor", "GroundTruth",
+    "open_recording", "Recording", "Events", "Sensor", "GroundTruth", "Triggers",
     "plan_windows", "Window", "BetweenFrames", "ByCount", "ByDuration", "ByDensity",
+    "ByCountOrDuration", "ByActivity", "ByStamps",
     "voxel_grid",
     "load_model", "build_model", "State", "Step", "Attention", "AttentionProbe", "Intervention", "EventEdit",
     "reconstruct", "Playback",

@@ -18,9 +18,10 @@ from etnet.nets.blocks import ConvReLU
 from etnet.nets.etnet import ETNet
 from etnet.nets.transformer import FeedForward
 from etnet.nets.weights import load_model
+from etnet.training.films import Film
 from etnet.training.recipes import HALF
-from etnet.training.validate import Film, recorded_film, validate
 from etnet.training.validate import Scores as Validation
+from etnet.training.validate import recorded_film, validate
 from tests.real_data import real_file
 
 pytestmark = pytest.mark.slow

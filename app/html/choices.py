@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from app.engine.requests import Precision
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
 KINDS = ("events per pixel", "milliseconds", "number of events", "camera frames")
 PRECISIONS: dict[Precision, str] = {"auto": "auto", "fp32": "fp32", "bf16": "bf16"}
@@ -64,8 +64,12 @@ def words_of(policy: Policy) -> tuple[str, float]:
             return "number of events", float(num_events)
         case ByDensity(events_per_pixel):
             return "events per pixel", events_per_pixel
-        case BetweenFrames():
+        case BetweenFrames() | ByStamps():
             return "camera frames", 0.0
+        case ByCountOrDuration(num_events, _):
+            return "number of events", float(num_events)
+        case ByActivity(active_pixels):
+            return "events per pixel", active_pixels
 
 
 def offered(choices: Sequence[Named]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
 
 def count(number: int) -> str:
@@ -60,6 +60,12 @@ def policy(chosen: Policy) -> str:
         case ByDuration():
             overlap = "" if chosen.step == chosen.duration else f", one each {milliseconds(chosen.step / 1000)}"
             return f"every {milliseconds(chosen.duration / 1000)}{overlap}"
+        case ByCountOrDuration(num_events, duration):
+            return f"every {count(num_events)} events, at the latest after {milliseconds(duration / 1000)}"
+        case ByActivity(active_pixels):
+            return f"each time {active_pixels:.3g} of the pixels have had an event"
+        case ByStamps(stamps):
+            return f"up to {count(len(stamps))} given moments"
 
 
 def resolution(scale: int) -> str:

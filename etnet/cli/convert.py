@@ -16,7 +16,7 @@ class Convert:
     """Read a checkpoint without running anything in it, and write safetensors with all that a model needs."""
 
     source: tyro.conf.Positional[Path]
-    """A torch checkpoint of the released code of ET-Net, E2VID, E2VID+, FireNet or FireNet+ (.pth, .pth.tar)."""
+    """A torch checkpoint (.pth, .pth.tar) of the released ET-Net, E2VID, E2VID+, FireNet, FireNet+ or PIE-Net."""
     target: tyro.conf.Positional[Path]
     """The weights file to write (.safetensors)."""
     heads: int = 8

@@ -1,4 +1,4 @@
-"""`etnet export KIND RECORDING -o OUT`: video, gif, frames, arrays, csv, page or session, to take away."""
+"""`etnet export KIND RECORDING -o OUT`: video, gif, frames, arrays, csv, page, session, or the network as onnx."""
 
 from __future__ import annotations
 
@@ -120,6 +120,18 @@ class SessionFile(Source):
     """The window from which the intervention holds."""
 
 
+@dataclass(frozen=True)
+class Onnx:
+    """The network itself, no recording: encode.onnx and decode.onnx, with states as named inputs and outputs."""
+
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """The folder to write into."""
+    model: str = "etnet-half"
+    """A bundled model's name, or a weights file."""
+    size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None
+    """Also one graph for a whole step at this sensor size, e.g. 240x180."""
+
+
 Export = (
     Annotated[Video, tyro.conf.subcommand("video")]
     | Annotated[Gif, tyro.conf.subcommand("gif")]
@@ -128,16 +140,40 @@ Export = (
     | Annotated[Csv, tyro.conf.subcommand("csv")]
     | Annotated[Page, tyro.conf.subcommand("page")]
     | Annotated[SessionFile, tyro.conf.subcommand("session")]
+    | Annotated[Onnx, tyro.conf.subcommand("onnx")]
 )
 
 
 def run(config: Any) -> int:
     """Do it; returns the exit code."""
+    if isinstance(config, Onnx):
+        return _write_onnx(config)
     config.out.resolve().parent.mkdir(parents=True, exist_ok=True)
     with _taken(config) as (take, policy), progress_callback("exporting") as progress:
         said = _write(config, take, policy, progress)
     console.print(f"wrote {config.out}: {said}", markup=False, soft_wrap=True)
     return 0
+
+
+def _write_onnx(config: Onnx) -> int:
+    from etnet.export.onnx_graphs import write_graphs
+    from etnet.nets.weights import load_model
+
+    size = None if config.size is None else parse_size(config.size)
+    for path in write_graphs(load_model(config.model), config.out, size):
+        console.print(f"wrote {path}", markup=False, soft_wrap=True)
+    return 0
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """`WIDTHxHEIGHT` → (height, width)."""
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        width = height = 0
+    if not (8 <= width <= 4096 and 8 <= height <= 4096):
+        raise EtnetError(f"size {text!r} is not understood; write WIDTHxHEIGHT, each 8 … 4096, e.g. 240x180")
+    return height, width
 
 
 def parse_range(text: str | None, length: int) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from rich.table import Table
 from etnet.cli.progress import fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError
-from etnet.events.examine import Examination, examine
+from etnet.events.examine import Examination, TriggersExam, examine
 from etnet.files import check_target
 
 _BARS = " ▁▂▃▄▅▆▇█"
@@ -62,6 +62,7 @@ def _check_picture(path: Path, recording: Path) -> None:
 
 def _print_page(found: Examination) -> None:
     from rich.console import Console
+    from rich.markup import escape
 
     console = Console(highlight=False)
     table = Table(
@@ -71,21 +72,23 @@ def _print_page(found: Examination) -> None:
         table.add_row(f"[dim]{what}[/dim]", value)
     console.print(table)
     for remark in found.remarks:
-        console.print(f"  [dim]{remark}[/dim]", soft_wrap=True)
+        if not remark.startswith("advice: "):  # these come next, among all advice
+            console.print(f"  [dim]{escape(remark)}[/dim]", soft_wrap=True)
     for advice in found.advice:
-        console.print(f"  → {advice}", soft_wrap=True)
+        console.print(f"  → {escape(advice)}", soft_wrap=True)
 
 
 def _rows(found: Examination) -> list[tuple[str, str]]:
     seconds = (found.stop - found.start) / 1e6
     share = found.num_on / found.num_looked_at if found.num_looked_at else 0.0
     mean, peak = found.mean_rate / 1e6, found.peak_rate / 1e6
+    rates = f"mean {mean:.3f} M/s, peak {peak:.3f} M/s" if seconds else "no rate: all have one stamp"
     first_gap = f", first {found.gaps[0].start:,} … {found.gaps[0].stop:,} µs" if found.gaps else ""
     rows = [
         ("sensor", f"{found.width} × {found.height} pixels"),
         ("span", f"{seconds:.6f} s, stamps {found.start:,} … {found.stop:,} µs"),
-        ("events", f"{found.num_events:,}; {share:.1%} ON; mean {mean:.3f} M/s, peak {peak:.3f} M/s"),
-        ("rate", _sparkline(found.rates)),
+        ("events", f"{found.num_events:,}; {share:.1%} ON; {rates}"),
+        ("rate", _sparkline(found.rates) if seconds else "–"),
         ("gaps", f"{len(found.gaps)}{first_gap}"),
         ("stamps", f"{found.num_equal_stamps:,} equal to the one before, {found.num_repeated_events:,} repeats"),
         ("pixels", _pixels(found)),
@@ -95,10 +98,20 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
         size = f"{frames.num_frames} of {frames.width} × {frames.height}, {frames.frames_per_second:.1f} a second"
         since = f"the first {frames.first_after_first_event:+,} µs from the first event"
         rows.append(("frames", f"{size}; {since}, {frames.num_outside_span} outside the events' span"))
+    if found.triggers is not None:
+        rows.append(("triggers", _triggers(found.triggers)))
     if found.num_looked_at < found.num_events:
         rows.append(("looked at", f"{found.num_looked_at:,} events, in blocks spread evenly over it"))
-    rows.append(("window", f"{found.suggested_events:,} events or {found.suggested_duration:,} µs would suit"))
+    duration = f" or {found.suggested_duration:,} µs" if found.suggested_duration else ""
+    rows.append(("window", f"{found.suggested_events:,} events{duration} would suit"))
     return rows
+
+
+def _triggers(found: TriggersExam) -> str:
+    inputs = ", ".join(map(str, found.channels))
+    edges = f"{found.num_rising:,} rising, {found.num_falling:,} falling"
+    span = f"stamps {found.first:,} … {found.last:,} µs, {found.num_outside_span:,} outside the events' span"
+    return f"{found.num_triggers:,} on input {inputs}: {edges}; {span}"
 
 
 def _pixels(found: Examination) -> str:

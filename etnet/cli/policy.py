@@ -1,4 +1,4 @@
-"""Window policies on the command line: `between-frames`, `count=10000`, `density=0.35`, `duration=20ms[/5ms]`."""
+"""Window policies on the command line: `between-frames`, `count=10000`, `density=0.35`, `duration=20ms[/5ms]` …"""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 from etnet.errors import WindowError
 from etnet.events.recording import Recording
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, Policy
 
 DEFAULT_DENSITY = 0.35
 """Events per pixel and window where a recording has no frames: the middle of what networks are trained on."""
@@ -15,14 +15,18 @@ _UNITS = {"us": 1, "µs": 1, "ms": 1_000, "s": 1_000_000}
 
 
 def parse_policy(text: str) -> Policy:
-    """The policy that `text` names; raises `WindowError` with the four forms."""
+    """The policy that `text` names; raises `WindowError` with the forms there are."""
     name, _, value = text.strip().partition("=")
     try:
         match name:
             case "between-frames" if not value:
                 return BetweenFrames()
             case "count":
-                return ByCount(int(value.replace("_", "")))
+                count, is_either, duration = value.partition(",duration=")
+                num_events = int(count.replace("_", ""))
+                return ByCountOrDuration(num_events, _microseconds(duration)) if is_either else ByCount(num_events)
+            case "active":
+                return ByActivity(float(value.removesuffix("%")) / (100 if value.endswith("%") else 1))
             case "density":
                 return ByDensity(float(value))
             case "duration":
@@ -32,7 +36,8 @@ def parse_policy(text: str) -> Policy:
         pass
     raise WindowError(
         f"windows {text!r} are not understood; "
-        "use between-frames, count=10000, density=0.35 or duration=20ms (duration=20ms/5ms overlaps)"
+        "use between-frames, count=10000, density=0.35, duration=20ms (duration=20ms/5ms overlaps), "
+        "count=10000,duration=20ms (whichever comes first) or active=20% (of the pixels)"
     )
 
 

@@ -1,8 +1,10 @@
-"""`etnet reconstruct FILE …`: PNG frames with their stamps, and an MP4, of one recording or of many."""
+"""`etnet reconstruct FILE …`: PNG frames with their stamps, and an MP4; with `--stamps`, frames at given moments."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,9 +17,10 @@ from etnet.cli.live_frames import run_as_cut
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
-from etnet.errors import EtnetError
+from etnet.errors import EtnetError, RecordingError, WindowError
+from etnet.events.moments import Moments, divided, moments_of_frames, moments_of_triggers, read_moments
 from etnet.events.recording import Recording
-from etnet.windows import Window, plan_windows
+from etnet.windows import ByCount, ByDuration, ByStamps, Policy, Window, plan_windows
 
 LARGE_SENSOR = 400_000
 """Pixels from which on a run's time is told before it begins."""
@@ -40,7 +43,18 @@ class Reconstruct:
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
-    """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
+    """between-frames, count=10000, density=0.35, duration=20ms[/5ms], count=10000,duration=20ms or active=20%;
+    default: between frames, else density=0.35."""
+    stamps: str | None = None
+    """Frames at these moments only: a CSV with a column of stamps, a folder of pictures named by nanoseconds, another
+    recording (its frames), or triggers, triggers=INPUT, triggers=INPUT/rising, triggers=INPUT/falling of this one.
+    --windows duration=… or count=… is then what the window before each holds; default: since the moment before."""
+    stamps_unit: Literal["s", "ms", "us", "ns"] | None = None
+    """What the stamps count, where their column does not say it."""
+    upsample: int = 1
+    """Windows from one moment to the next; only the last one's frame is written. A network likes short windows."""
+    layout: Literal["frames", "kalibr"] = "frames"
+    """frames: frames/frame_000000.png. kalibr: cam0/<ns>.png, as Kalibr and EuRoC have them, without a video."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
@@ -96,7 +110,7 @@ def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None])
     with open_with_progress(path, config.opening) as recording:
         for remark in recording.remarks:
             console.print(f"[dim]{remark}[/dim]")
-        policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
+        policy, names = _policy(config, recording)
         model = load_model(config.model, config.device, config.precision)
         gamma = config.gamma if config.gamma is not None else float(model.card.get("display_gamma", 1.0))  # pyright: ignore
         windows = plan_windows(recording, policy)
@@ -105,8 +119,7 @@ def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None])
             f"model {model.name}, {model.runtime.precision}, display gamma {gamma:g}"
         )
         _tell_time(model, recording, len(windows))
-        _write(config, recording, model, policy, windows, gamma, told)
-    return len(windows)
+        return _write(config, recording, model, policy, windows, gamma, names, told)
 
 
 def _tell_time(model, recording: Recording, num_windows: int) -> None:
@@ -121,31 +134,83 @@ def _tell_time(model, recording: Recording, num_windows: int) -> None:
     console.print(f"about {seconds:.1f} s a window, {in_words(seconds * num_windows)} in all{remedy}", soft_wrap=True)
 
 
+def _policy(config: Reconstruct, recording: Recording) -> tuple[Policy, dict[int, int] | None]:
+    """The windows, and with given moments the nanoseconds of each stamp that is written (others are not)."""
+    if config.upsample < 1 or (config.upsample > 1 and (config.stamps is None or config.windows is not None)):
+        raise WindowError(
+            f"--upsample {config.upsample}: it takes 1 or more, with --stamps and without --windows: it divides what "
+            "lies between two moments"
+        )
+    if config.stamps is None:
+        return default_policy(recording) if config.windows is None else parse_policy(config.windows), None
+    moments = _moments(config, recording).within(recording.span)
+    console.print(moments.said, markup=False, soft_wrap=True)
+    names = dict(zip(moments.stamps.tolist(), moments.nanoseconds.tolist(), strict=True))
+    held = None if config.windows is None else parse_policy(config.windows)
+    match held:
+        case None:
+            return ByStamps(tuple(divided(moments.stamps, recording, config.upsample).tolist())), names
+        case ByDuration(duration, None):
+            return ByStamps(tuple(names), duration=duration), names
+        case ByCount(num_events):
+            return ByStamps(tuple(names), num_events=num_events), names
+    raise WindowError(f"--windows {config.windows}: with --stamps it takes duration=20ms or count=10000")
+
+
+def _moments(config: Reconstruct, recording: Recording) -> Moments:
+    text = config.stamps or ""
+    found = re.fullmatch(r"triggers(?:=(\d+)(?:/(rising|falling))?)?", text)
+    if found is not None:
+        channel = None if found[1] is None else int(found[1])
+        edge = None if found[2] is None else 1 if found[2] == "rising" else -1
+        triggers = recording.triggers
+        return moments_of_triggers(None if triggers is None else triggers.chosen(channel, edge), recording.name)
+    path = Path(text)
+    if not path.exists():
+        raise RecordingError(f"--stamps {text}: there is no such file or folder; or name triggers")
+    is_table = path.suffix.lower() in (".csv", ".txt", ".tsv")
+    if is_table or (path.is_dir() and any(each.stem.isdigit() for each in path.glob("*.[pjbt]*"))):
+        return read_moments(path, recording.span, config.stamps_unit)
+    with open_with_progress(path, Opening()) as other:
+        return moments_of_frames(other.ground_truth, other.name)
+
+
 def _write(
     config: Reconstruct,
     recording: Recording,
     model,
-    policy,
+    policy: Policy,
     windows: Sequence[Window],
     gamma: float,
+    names: dict[int, int] | None,
     told: Callable[[float], None],
-) -> None:
+) -> int:
+    """All frames, or those of `names`; how many they are."""
     from etnet.export.images import to_uint8, write_atomically, write_png
     from etnet.export.video import video_writer
     from etnet.reconstruction import reconstruct
 
-    (config.out / "frames").mkdir(parents=True, exist_ok=True)
+    folder = config.out / ("frames" if config.layout == "frames" else "cam0")
+    folder.mkdir(parents=True, exist_ok=True)
     stamps = ["frame,stamp_us,start_us,num_events"]
     width, height = recording.sensor.width, recording.sensor.height
-    rate = _frames_per_second(windows) * config.speed
-    with video_writer(config.out / "video.mp4", width, height, rate) as append:
+    shown = windows if names is None else [window for window in windows if window.t_stop in names]
+    rate = _frames_per_second(shown) * config.speed
+    is_kalibr = config.layout == "kalibr"
+    with nullcontext() if is_kalibr else video_writer(config.out / "video.mp4", width, height, rate) as append:
         for window, step in track(reconstruct(model, recording, policy), len(windows), "reconstructing"):
-            image = to_uint8(step.frame[0, 0].float().cpu().numpy(), gamma)
-            write_png(config.out / "frames" / f"frame_{window.index:06d}.png", image)
-            append(image)
-            stamps.append(f"{window.index},{window.t_stop},{window.t_start},{window.num_events}")
             told((window.index + 1) / len(windows))
+            if names is not None and window.t_stop not in names:
+                continue
+            image = to_uint8(step.frame[0, 0].float().cpu().numpy(), gamma)
+            number = len(stamps) - 1
+            nanoseconds = window.t_stop * 1000 if names is None else names[window.t_stop]
+            write_png(folder / (f"{nanoseconds:019d}.png" if is_kalibr else f"frame_{number:06d}.png"), image)
+            if append is not None:
+                append(image)
+            stamps.append(f"{number},{window.t_stop},{window.t_start},{window.num_events}")
     write_atomically(config.out / "stamps.csv", ("\n".join(stamps) + "\n").encode())
+    return len(shown)
 
 
 def _frames_per_second(windows: Sequence[Window]) -> float:

@@ -9,7 +9,7 @@ from etnet.errors import RecordingError
 from etnet.evaluation.bootstrap import Averaging
 from etnet.evaluation.datasets import Cut, Sequence, sequence_called, start_of
 from etnet.evaluation.metrics import SSIM_EVREAL, SSIM_PAPER, SSIMVariant
-from etnet.events.recording import Recording
+from etnet.events.recording import GroundTruth, Recording
 from etnet.windows import Window
 
 ProtocolName = Literal["paper", "evreal"]
@@ -85,7 +85,30 @@ def plan_protocol(recording: Recording, protocol: Protocol, whole: bool = False)
         )
     windows = _windows(recording, protocol, fed_from, [int(truth.stamps[i]) for i in fed])
     frames = [i if truth.stamps[i] >= scored[0] else None for i in fed]
-    return Plan(tuple(map(Item, windows, frames)), sequence, remarks)
+    items = tuple(map(Item, windows, frames))
+    return Plan(items, sequence, remarks + _check_comparable(recording, truth, items))
+
+
+def _check_comparable(recording: Recording, truth: GroundTruth, items: tuple[Item, ...]) -> tuple[str, ...]:
+    """An error where frames and events cannot be compared; a remark where some frames have no events before them."""
+    scored = [item for item in items if item.frame is not None]
+    if not scored:
+        return ()
+    sensor, (height, width) = recording.sensor, truth.read_frame(scored[0].frame or 0).shape
+    if (width, height) != (sensor.width, sensor.height):
+        raise RecordingError(
+            f"{recording.name}: its frames have {width}×{height} pixels and the sensor {sensor}, so they cannot be "
+            "compared pixel by pixel; bring them to the sensor's size"
+        )
+    num_empty = sum(item.window.start == item.window.stop for item in scored)
+    is_among = [recording.span.start <= item.window.t_stop <= recording.span.stop for item in scored]
+    if num_empty == len(scored) or not any(is_among):
+        raise RecordingError(
+            f"{recording.name}: none of the {len(scored)} frames to score lies among the events (frames "
+            f"{int(truth.stamps[0])} … {int(truth.stamps[-1])} µs, events {recording.span.start} … "
+            f"{recording.span.stop} µs); bring them to one clock"
+        )
+    return (f"{num_empty} of {len(scored)} scored windows hold no event",) if num_empty > 1 else ()
 
 
 def _scored_span(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -98,6 +99,16 @@ class EventCache:
             return Columns(*(column[: self._num_held] for column in self._buffer))
         self._spill()
         return Columns(*(np.memmap(self.scratch.path(name), dtype, "r") for name, dtype in _COLUMNS))
+
+    def map_stamps(self, change: Callable[[Int64[np.ndarray, " n"]], Int64[np.ndarray, " n"]]) -> None:
+        """Replace all stamps by what `change` makes of them, a block at a time."""
+        if self._is_spilled:
+            self._spill()
+        stamps = np.memmap(self.scratch.path("t"), np.int64, "r+") if self._is_spilled else self._buffer.t
+        count = len(stamps) if self._is_spilled else self._num_held
+        for start in range(0, count, _SORT_BLOCK):
+            part = slice(start, min(start + _SORT_BLOCK, count))
+            stamps[part] = change(np.array(stamps[part]))
 
     def sorted_columns(self) -> Columns:
         """All events in the order of their stamps; equal stamps keep the file's order."""

@@ -69,6 +69,8 @@ def cleaned(recording: Recording, cleaning: Cleaning) -> Recording:
         (*recording.remarks, remark),
         recording.ground_truth,
         recording.path,
+        recording.inertial,
+        recording.triggers,
     )
 
 

@@ -13,6 +13,7 @@ from etnet.events.assumptions import Progress
 from etnet.events.events import Events
 from etnet.events.pixel_counts import LARGEST_COUNTED, HotPixel, PixelCounts, outstanding
 from etnet.events.recording import Recording
+from etnet.events.sense import advice_on_frames
 
 RATE_BINS = 200
 """Points of the rate curve."""
@@ -54,6 +55,19 @@ class FramesExam:
 
 
 @dataclass(frozen=True, slots=True)
+class TriggersExam:
+    """The edges on the camera's trigger inputs; times in µs. What is neither rising nor falling has no known edge."""
+
+    num_triggers: int
+    num_rising: int
+    num_falling: int
+    channels: tuple[int, ...]
+    first: int
+    last: int
+    num_outside_span: int
+
+
+@dataclass(frozen=True, slots=True)
 class Examination:
     """What was found. `as_dict` is ready for JSON. All times in µs, rates in events per second.
 
@@ -85,6 +99,7 @@ class Examination:
     num_silent_pixels: int | None
     hot_pixels: tuple[HotPixel, ...]
     frames: FramesExam | None
+    triggers: TriggersExam | None
     suggested_events: int
     suggested_duration: int
     remarks: tuple[str, ...]
@@ -184,16 +199,18 @@ def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> 
         num_silent_pixels=int(np.count_nonzero(image == 0)) if is_each_pixel else None,
         hot_pixels=hot[:_MOST_NAMED],
         frames=frames,
+        triggers=_triggers(recording),
         suggested_events=suggested,
-        suggested_duration=round(suggested * 1e6 / max(mean_rate, 1e-9)) if recording.num_events else 0,
+        suggested_duration=round(suggested * 1e6 / mean_rate) if mean_rate else 0,
         remarks=tuple(str(remark) for remark in recording.remarks),
-        advice=_advice(recording, tally, hot, frames),
+        advice=_advice(recording, tally, hot),
         count_image=image,
     )
 
 
 def _mean_rate(recording: Recording) -> float:
-    return recording.num_events * 1e6 / max(1, recording.span.duration)
+    """Events per second; 0 where all have one stamp, for then there is no rate."""
+    return recording.num_events * 1e6 / recording.span.duration if recording.span.duration else 0.0
 
 
 def _borders(recording: Recording) -> Iterator[int]:
@@ -249,11 +266,25 @@ def _frames(recording: Recording) -> FramesExam | None:
     )
 
 
-def _advice(
-    recording: Recording, tally: _Tally, hot: tuple[HotPixel, ...], frames: FramesExam | None
-) -> tuple[str, ...]:
-    """What a person should know before trusting a picture made of these events."""
-    said = []
+def _triggers(recording: Recording) -> TriggersExam | None:
+    triggers = recording.triggers
+    if triggers is None or len(triggers) == 0:
+        return None
+    stamps = triggers.stamps
+    return TriggersExam(
+        num_triggers=len(triggers),
+        num_rising=int(np.count_nonzero(triggers.edges > 0)),
+        num_falling=int(np.count_nonzero(triggers.edges < 0)),
+        channels=tuple(np.unique(triggers.channels).tolist()),
+        first=int(stamps[0]),
+        last=int(stamps[-1]),
+        num_outside_span=int(np.count_nonzero((stamps < recording.span.start) | (stamps > recording.span.stop))),
+    )
+
+
+def _advice(recording: Recording, tally: _Tally, hot: tuple[HotPixel, ...]) -> tuple[str, ...]:
+    """What a person should know before trusting a picture made of these events; what was said on opening first."""
+    said = [remark.text for remark in recording.remarks if remark.kind == "advice"]
     looked = max(1, tally.num_looked_at)
     if tally.num_looked_at == 0:
         return ("there are no events to look at",)
@@ -270,18 +301,16 @@ def _advice(
         share = sum(pixel.num_events for pixel in hot) / looked
         make = "1 hot pixel makes" if len(hot) == 1 else f"{len(hot)} hot pixels make"
         said.append(f"{make} {share:.1%} of the events; a hot-pixel mask would help")
-    if tally.longest_run > 0.05 * recording.sensor.num_pixels:
+    if recording.span.duration and tally.longest_run > 0.05 * recording.sensor.num_pixels:
         said.append(f"up to {tally.longest_run} events share one stamp: the clock is coarse or rows are read at once")
-    if frames is not None and frames.num_outside_span > max(1, frames.num_frames // 2):
-        said.append("most frames lie outside the events' span: the two clocks differ")
-    if frames is not None and (frames.width, frames.height) != (recording.sensor.width, recording.sensor.height):
-        said.append(f"the frames have {frames.width}×{frames.height} pixels, the sensor {recording.sensor}")
+    if recording.path is None:  # nothing was opened, so nobody looked at its frames yet
+        said += advice_on_frames(recording.ground_truth, recording.sensor, recording.span)
     return tuple(said)
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
-    if isinstance(value, (Gap, HotPixel, FramesExam)):
-        return {part.name: getattr(value, part.name) for part in fields(value)}
+    if isinstance(value, (Gap, HotPixel, FramesExam, TriggersExam)):
+        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
     return value

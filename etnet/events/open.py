@@ -16,6 +16,7 @@ from etnet.events.formats.base import HEAD_BYTES, Opened, Request, contained
 from etnet.events.formats.registry import FORMATS, choose
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Bracketing, EventSource, Recording, Remark
+from etnet.events.sense import advice_on
 from etnet.events.view import seen_through
 
 __all__ = ["Assumptions", "View", "open_recording"]
@@ -68,7 +69,9 @@ def open_recording(
         request = replace(_request(path, assume, told, resources, scratch), patience=patience)
         chosen = choose(request, FORMATS)
         with contained(request.name, chosen.name):
-            opened = seen_through(view, chosen.open(request), request)
+            found = chosen.open(request)
+            advice = _advice(found)
+            opened = seen_through(view, found, request)
         kept = resources.pop_all()
     told(1.0)
     return Recording(
@@ -77,13 +80,21 @@ def open_recording(
         source=_OwningSource(opened.source, kept),
         sensor=opened.sensor,
         span=opened.span,
-        remarks=opened.remarks + _stated_polarity(assume) + _unused_unit(assume, opened),
+        remarks=opened.remarks + _stated_polarity(assume) + _unused_unit(assume, opened) + advice,
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
+        triggers=opened.triggers,
         opened_as=OpenedAs(assume, view),
         growth=opened.growth,
     )
+
+
+def _advice(found: Opened) -> tuple[Remark, ...]:
+    """What makes no sense; where a reader told of the unit already, that is not said twice."""
+    told = any(remark.kind == "advice" and "--time-unit" in remark.text for remark in found.remarks)
+    advice = advice_on(found.source, found.sensor, found.span, found.ground_truth)
+    return tuple(remark for remark in advice if not (told and "--time-unit" in remark.text))
 
 
 def _stated_polarity(assume: Assumptions) -> tuple[Remark, ...]:

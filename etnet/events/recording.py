@@ -35,9 +35,12 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """Something a reader noticed: found in the file, mended, or taken for granted. Law 6: none is kept silent."""
+    """Something a reader noticed: found in the file, mended, taken for granted, or worth a look before it is trusted.
 
-    kind: Literal["detected", "repaired", "assumed"]
+    Law 6: none is kept silent.
+    """
+
+    kind: Literal["detected", "repaired", "assumed", "advice"]
     text: str
 
     def __str__(self) -> str:
@@ -55,6 +58,8 @@ class GroundTruth:
     stamps: Int64[np.ndarray, " n"]
     read_frame: Callable[[int], Float32[np.ndarray, "h w"]]
     read_flow: Callable[[int], Float32[np.ndarray, "2 h w"]] | None = None
+    white: float = 255.0
+    """The number that white was in the file: 255, or more where its pictures are finer than 8 bits."""
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -162,7 +167,10 @@ class Recording:
     growth: Growth | None = None
     """Set where these are not yet all events of the file."""
     latest: Callable[[], Recording] | None = field(default=None, repr=False)
-    """Of a recording that is still being made: what it is by now, with all that it was at its beginning."""
+    """Of a recording that is still being made: what it is by now, with all that it was at its beginning.
+
+    It has all events before the stamp of its last frame.
+    """
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)

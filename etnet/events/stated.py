@@ -8,6 +8,7 @@ from typing import Literal
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import Assumptions
+from etnet.events.formats.bounds import MAX_PIXELS
 
 
 @dataclass(frozen=True)
@@ -24,17 +25,42 @@ class Stated:
     """"auto" takes 0/1 and −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON."""
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     """What the stamps count."""
+    max_pixels: int = MAX_PIXELS
+    """Most pixels of a sensor or camera picture that a file may declare."""
+    pixels: Literal["whole", "rounded", "32nds", "from1"] = "whole"
+    """"rounded" rounds fractions, "32nds" divides fixed-point coordinates, "from1" takes a count from 1 to 0."""
+    topic: str | None = None
+    """Of several cameras: the ROS topic of the events, and after a comma that of the pictures; the AEDAT4 stream."""
 
     @staticmethod
     def of(assumed: Assumptions) -> Stated:
         """What has to be stated for a reader to assume this."""
         size = None if assumed.sensor is None else f"width={assumed.width},height={assumed.height}"
-        return Stated(size, assumed.sort, assumed.drop_outside, assumed.polarity, assumed.time_unit)
+        return Stated(
+            size,
+            assumed.sort,
+            assumed.drop_outside,
+            assumed.polarity,
+            assumed.time_unit,
+            assumed.max_pixels,
+            assumed.pixels,
+            assumed.topic,
+        )
 
     def assumptions(self) -> Assumptions:
         """The same, for a reader."""
         width, height = _sensor(self.assume)
-        return Assumptions(width, height, self.time_unit, self.polarity, self.sort, self.drop_outside)
+        return Assumptions(
+            width,
+            height,
+            self.time_unit,
+            self.polarity,
+            self.sort,
+            self.drop_outside,
+            self.max_pixels,
+            self.pixels,
+            self.topic,
+        )
 
 
 def _sensor(text: str | None) -> tuple[int | None, int | None]:

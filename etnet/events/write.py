@@ -21,7 +21,9 @@ from etnet.events.assumptions import Progress
 from etnet.events.events import Events
 from etnet.events.formats.base import contained
 from etnet.events.formats.prophesee.clock import mark_turns
+from etnet.events.formats.prophesee.trigger_words import MOST_CHANNELS, put_triggers
 from etnet.events.recording import Recording, Remark
+from etnet.events.triggers import Triggers
 from etnet.files import check_target
 
 Layout = Literal["event_utils", "dsec", "aedat4", "evt3", "csv", "npz"]
@@ -108,7 +110,7 @@ def write_recording(
             os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
-    return remarks + _without_motion(recording)
+    return remarks + _without_motion(recording) + (() if chosen == "evt3" else _without_triggers(recording, chosen))
 
 
 def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
@@ -137,7 +139,10 @@ def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
 
 
 def _write_frames(part: _Part, file: h5py.File, first: int, last: int) -> int:
-    """Frames from the last one at or before the first event, or `span`, to the last one at or before its end."""
+    """Frames from the last one at or before the first event, or `span`, to the last one at or before its end.
+
+    Those that were finer than 8 bits are written with 16.
+    """
     truth = part.recording.ground_truth
     if truth is None:
         return 0
@@ -148,8 +153,12 @@ def _write_frames(part: _Part, file: h5py.File, first: int, last: int) -> int:
     for number, index in enumerate(range(begin, end)):
         part.progress(1.0)  # whoever wants to stop can do so between frames too
         stamp = int(truth.stamps[index])
-        pixels = np.rint(np.clip(truth.read_frame(index), 0, 1) * 255).astype(np.uint8)
+        white, kind = (255, np.uint8) if truth.white == 255 else (65_535, np.uint16)
+        pixels = np.rint(np.clip(truth.read_frame(index), 0, 1) * white).astype(kind)
         image = file.create_dataset(f"images/image{number:09d}", data=pixels, compression="gzip")
+        if white != 255:
+            # No part of the layout; without it a reader cannot tell dark frames from those of fewer bits.
+            image.attrs["white"] = white
         image.attrs["size"], image.attrs["type"] = np.array(pixels.shape), "greyscale"
         image.attrs["timestamp"] = stamp / 1e6
         # event_packagers' own rule: the event just before the frame, and the first one for an earlier frame.
@@ -218,8 +227,26 @@ def _write_evt3(part: _Part, path: Path) -> tuple[Remark, ...]:
         raise RecordingError(f"{path.name}: a sensor of {sensor} does not fit EVT3, whose sides end at {_EVT3_SIDE}")
     _write_through_faery(part, path, "evt")
     mark_turns(path)
+    unwritten = _write_triggers(part, path)
     said = Remark("detected", "stamps count from the first event; its own stamp stands in the header's t0")
-    return (said, *_without_frames(part, "EVT3 has none"))
+    return (said, *unwritten, *_without_frames(part, "EVT3 has none"))
+
+
+def _write_triggers(part: _Part, path: Path) -> tuple[Remark, ...]:
+    """Those among the events, on the file's own clock."""
+    triggers = part.recording.triggers
+    if triggers is None:
+        return ()
+    first, last = part.first_stamp(), part.last_stamp()
+    start, stop = np.searchsorted(triggers.stamps, [first, last + 1])
+    kept = Triggers(triggers.stamps[start:stop] - first, triggers.channels[start:stop], triggers.edges[start:stop])
+    put_triggers(path, kept)
+    said = [f"{len(kept)} triggers among the events were written"] if len(kept) else []
+    if unknown := np.count_nonzero(kept.edges == 0):
+        said.append(f"{unknown} triggers whose edge is not known were written as rising ones")
+    if beyond := np.count_nonzero(kept.channels >= MOST_CHANNELS):
+        said.append(f"{beyond} triggers were written with another input's number, for EVT3 counts inputs up to 15")
+    return tuple(Remark("detected", text) for text in said)
 
 
 def _write_csv(part: _Part, path: Path) -> tuple[Remark, ...]:
@@ -261,6 +288,13 @@ def _without_motion(recording: Recording) -> tuple[Remark, ...]:
         return ()
     num_samples = len(recording.inertial)
     return (Remark("detected", f"{num_samples} samples of the camera's motion were not written: no layout has them"),)
+
+
+def _without_triggers(recording: Recording, layout: Layout) -> tuple[Remark, ...]:
+    if recording.triggers is None:
+        return ()
+    text = f"{len(recording.triggers)} triggers were not written: {layout} has no place for them here, EVT3 has"
+    return (Remark("detected", text),)
 
 
 _WRITERS: dict[str, Callable[[_Part, Path], tuple[Remark, ...]]] = {

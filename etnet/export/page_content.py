@@ -23,7 +23,7 @@ from etnet.reconstruction import window_voxel
 from etnet.render.colours import GROUND, OFF, ON, diverge, diverging, hexadecimal, sequential
 from etnet.render.encode import webp
 from etnet.render.voxels import signed_max_pool, voxel_limit
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
 MOST_EVENTS = 4000
 """Events a window that a page shows at most; more do not look denser on a screen."""
@@ -215,6 +215,12 @@ def policy_words(policy: Policy) -> str:
             return f"one image every {events_per_pixel:g} events per pixel"
         case ByDuration():
             return f"one image every {policy.step / 1000:g} ms"
+        case ByCountOrDuration(num_events, duration):
+            return f"one image every {num_events:,} events, at the latest after {duration / 1000:g} ms"
+        case ByActivity(active_pixels):
+            return f"one image each time {active_pixels:.0%} of the pixels have had an event"
+        case ByStamps(stamps):
+            return f"one image at each of {len(stamps):,} given moments"
 
 
 def _voxel_factor(take: Take, bytes_per_window: float) -> int:

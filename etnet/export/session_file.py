@@ -11,7 +11,7 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import torch
@@ -28,14 +28,14 @@ from etnet.nets.fingerprint import weights_sha256
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
 from etnet.playback.playback import Playback
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy, plan_windows
+from etnet.windows import Policy, plan_windows
 
 FORMAT = "etnet-session-2"
 OLDER_FORMAT = "etnet-session-1"
 """Read, too: it does not say how the recording was opened."""
 READ_EVENTS = 1 << 20
 """Events hashed at a time."""
-_POLICIES: dict[str, type[Policy]] = {kind.__name__: kind for kind in (BetweenFrames, ByCount, ByDuration, ByDensity)}
+_POLICIES: dict[str, type[Policy]] = {kind.__name__: kind for kind in get_args(Policy)}
 
 
 @dataclass(frozen=True, slots=True)

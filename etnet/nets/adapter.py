@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from jaxtyping import Float
 from torch import Tensor
 
 from etnet.errors import ModelError
+from etnet.nets.abilities import Abilities
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.base import Pyramid, State, Step
 from etnet.nets.intervention import ORIGINAL, Intervention
@@ -30,6 +31,8 @@ class Adapter:
     bins: int = 5
     normalise_voxels: bool = False
     post_processing: Literal["none", "robust"] = "none"
+    abilities: Abilities = field(default_factory=Abilities)
+    """Say `Abilities(gradients=True)` for a step made of differentiable torch operations."""
 
     def encode(
         self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL

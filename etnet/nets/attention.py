@@ -15,9 +15,9 @@ from torch.nn.functional import linear
 
 from etnet.errors import ModelError
 from etnet.nets.attention_kernels import KERNELS, log_normaliser
-from etnet.nets.base import kept_alive
 from etnet.nets.intervention import Intervention
 from etnet.nets.padding import TokenGrid
+from etnet.nets.storage import kept_alive
 
 TRAINED_TOKENS = 196
 """Tokens of a 112² training crop: where `log_tokens` scaling leaves the logits as they are."""

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.intervention import ORIGINAL, Intervention
-
-if TYPE_CHECKING:
-    from etnet.nets.attention import Attention, AttentionProbe
-
-
-def kept_alive(tensors: Iterable[Tensor]) -> int:
-    """Bytes that these tensors keep from being freed: of a view it is the whole of what it looks into, counted once."""
-    blocks = {(block := tensor.untyped_storage()).data_ptr(): block.nbytes() for tensor in tensors}
-    return sum(blocks.values())
+from etnet.nets.storage import kept_alive
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +62,15 @@ class Pyramid:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step's result: the raw, unclipped frame at sensor size, the state after it, what a probe asked for."""
+    """One step's result: the raw, unclipped frame at sensor size, the state after it, what a probe asked for.
+
+    `variance` is the network's own estimate for each pixel, `None` where `abilities.variance` is false.
+    """
 
     frame: Float[Tensor, "b 1 h w"]
     state: State
     attention: Attention | None = None
+    variance: Float[Tensor, "b 1 h w"] | None = None
 
 
 @runtime_checkable
@@ -82,7 +79,7 @@ class Reconstructor(Protocol):
 
     `encode` is the recurrent part, all that a later frame depends on; `decode` has no memory; `pyramid` rebuilds
     what `encode` would hand to `decode`, from the voxel grid and the state *after* it, so that a kept state gives
-    its own frame with no replay.
+    its own frame with no replay. What else a network can do it declares as `abilities` (`etnet.nets.abilities`).
     """
 
     name: str
@@ -114,3 +111,9 @@ class Reconstructor(Protocol):
     ) -> Step:
         """One whole step."""
         ...
+
+
+def variance_of(model: Reconstructor, state: State) -> Float[Tensor, "b 1 h w"] | None:
+    """The variance map of the frame that belongs to `state`; `None` for a network that estimates none."""
+    estimate = getattr(model, "variance", None)
+    return None if estimate is None else estimate(state)

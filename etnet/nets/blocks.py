@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import interpolate, relu
+from torch.nn.functional import interpolate, relu, silu
 
 
 class ConvReLU(nn.Module):
@@ -92,3 +92,50 @@ class Upsample(nn.Module):
 
     def forward(self, image: Float[Tensor, "b c h w"]) -> Float[Tensor, "b d i j"]:
         return self.conv(interpolate(image, scale_factor=2, mode="bilinear", align_corners=False))
+
+
+class ConvNorm(nn.Module):
+    """Convolution, norm over the whole image and SiLU (PIE-Net); `is_active=False` leaves the SiLU out."""
+
+    def __init__(self, channels_in: int, channels_out: int, kernel: int = 3, is_active: bool = True) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(channels_in, channels_out, kernel, padding=kernel // 2)
+        self.norm = nn.GroupNorm(1, channels_out)
+        self.is_active = is_active
+
+    def forward(self, image: Float[Tensor, "b c h w"]) -> Float[Tensor, "b d h w"]:
+        normed = self.norm(self.conv(image))
+        return silu(normed) if self.is_active else normed
+
+
+class NormalisedConvLSTM(nn.Module):
+    """Convolutional LSTM with norms on cell and hidden state (PIE-Net); gates in the order in, forget, out, cell.
+
+    The gates come from [input, hidden] through a 3×3 expansion, one weight a channel for the whole image
+    (squeeze and excite, Hu et al. 2018) and a 1×1 projection.
+    """
+
+    GROUPS = 4
+    SQUEEZE = 8
+
+    def __init__(self, channels_in: int, channels: int) -> None:
+        super().__init__()
+        wide = 2 * (channels_in + channels)
+        self.expand = ConvNorm(channels_in + channels, wide)
+        self.squeeze = nn.Conv2d(wide, max(1, wide // self.SQUEEZE), kernel_size=1, bias=False)
+        self.excite = nn.Conv2d(max(1, wide // self.SQUEEZE), wide, kernel_size=1, bias=False)
+        self.project = ConvNorm(wide, 4 * channels, kernel=1, is_active=False)
+        self.hidden_norm = nn.GroupNorm(self.GROUPS, channels)
+        self.cell_norm = nn.GroupNorm(self.GROUPS, channels)
+        self.channels = channels
+
+    def forward(
+        self, image: Float[Tensor, "b c h w"], memory: tuple[Tensor, Tensor] | None
+    ) -> tuple[Float[Tensor, "b d h w"], Float[Tensor, "b d h w"]]:
+        empty = image.new_zeros(len(image), self.channels, *image.shape[-2:], dtype=torch.float32)
+        hidden, cell = (empty, empty) if memory is None else memory
+        wide = self.expand(torch.cat((image, hidden.to(image.dtype)), dim=1))
+        weights = torch.sigmoid(self.excite(relu(self.squeeze(wide.mean((2, 3), keepdim=True)))))
+        enter, forget, out, candidate = self.project(wide * weights).float().chunk(4, dim=1)
+        cell = self.cell_norm(torch.sigmoid(forget) * cell + torch.sigmoid(enter) * torch.tanh(candidate)).float()
+        return self.hidden_norm(torch.sigmoid(out) * torch.tanh(cell)).float(), cell

@@ -10,6 +10,7 @@ from torch import Tensor
 from etnet.nets.checkpoint_reader import read_checkpoint, state_dict_of
 from etnet.nets.presets import Network, NetworkConfig, build_model, num_parameters
 from etnet.nets.released import config_of, from_released
+from etnet.nets.released_pienet import is_pienet, pienet_from_released
 from etnet.nets.released_rivals import (
     e2vid_config_of,
     e2vid_state_from_released,
@@ -24,7 +25,8 @@ from etnet.nets.weights import load_strictly
 def convert_checkpoint(path: Path, heads: int = 8) -> tuple[Network, str]:
     """The model in a released checkpoint, and one line that says what it is.
 
-    ET-Net, E2VID, E2VID+, FireNet and FireNet+ are told apart by the names of their parameters. `heads` is ET-Net's.
+    ET-Net, E2VID, E2VID+, FireNet, FireNet+, PIE-Net and PIE-Net-Lite are told apart by their parameters' names.
+    `heads` is ET-Net's.
     """
     config, state, what = _understand(state_dict_of(read_checkpoint(path), path.name), heads)
     model = build_model(config)
@@ -36,6 +38,10 @@ def convert_checkpoint(path: Path, heads: int = 8) -> tuple[Network, str]:
 
 def _understand(released: Mapping[str, Tensor], heads: int) -> tuple[NetworkConfig, dict[str, Tensor], str]:
     """Configuration, parameters under our names, and what it is in words."""
+    if is_pienet(released):
+        config, state = pienet_from_released(released)
+        kind = "PIE-Net-Lite" if len(config.pools) == 2 else "PIE-Net"
+        return config, state, f"{kind}, {len(config.pools)} levels, voxels as they are"
     match released_kind(released):
         case "firenet":
             state, is_legacy = firenet_state_from_released(released), is_legacy_firenet(released)

@@ -8,22 +8,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from etnet.errors import ModelError
+from etnet.nets.abilities import STATE_INTERVENTIONS, Abilities
 from etnet.nets.attention import Attention, AttentionProbe
-from etnet.nets.backbone import upsample
 from etnet.nets.base import Pyramid
-from etnet.nets.blocks import ConvReLU, RecurrentLevel, Residual, Upsample
-from etnet.nets.composed import RecurrentPyramid
+from etnet.nets.blocks import Residual
+from etnet.nets.composed import NUM_LEVELS, RecurrentPyramid
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.padding import crop_to_sensor
-from etnet.nets.runtime import Runtime, precision_of
+from etnet.nets.runtime import precision_of
 
-NUM_LEVELS = 3
 PostProcessing = Literal["none", "robust"]
+
+MAX_BLOCKS = 64
+"""Residual blocks: a bound for files that claim more than anybody trained."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +43,10 @@ class E2VIDConfig:
     """What EVREAL does to its frames before it scores them: stretch the 1st to the 99th percentile to 0 … 1."""
 
     def __post_init__(self) -> None:
-        if self.bins < 1 or self.base_channels < 1 or self.residual_blocks < 0:
+        if self.bins < 1 or self.base_channels < 1 or not 0 <= self.residual_blocks <= MAX_BLOCKS:
             raise ModelError(
                 f"E2VIDConfig: got {self.bins} bins, {self.base_channels} channels, {self.residual_blocks} residual "
-                "blocks; it takes at least 1, 1 and 0"
+                f"blocks; it takes at least 1, at least 1 and 0 … {MAX_BLOCKS}"
             )
         if self.outputs not in (1, 3):
             raise ModelError(f"E2VIDConfig.outputs is {self.outputs}; it takes 1 (frame) or 3 (frame and flow)")
@@ -77,32 +77,26 @@ E2VID_PRESETS: dict[str, E2VIDConfig] = {
 class E2VID(RecurrentPyramid):
     """Recurrent U-Net. State: hidden and cell of levels 1, 2, 3, in this order."""
 
+    abilities = Abilities(
+        levels=NUM_LEVELS,
+        gates=True,
+        gradients=True,
+        split=True,
+        interventions=STATE_INTERVENTIONS | {"removed_skips"},
+    )
+
     def __init__(self, config: E2VIDConfig) -> None:
-        super().__init__()
+        super().__init__("e2vid", config)
         self.config = config
-        self.name = "e2vid"
-        self.card: dict[str, object] = {}
-        self.bins = config.bins
-        self.normalise_voxels = config.normalise_voxels
         self.post_processing = config.post_processing
-        self.runtime = Runtime()
-        channels = [config.channels(level) for level in range(NUM_LEVELS + 1)]
-        self.head = ConvReLU(config.bins, channels[0])
-        self.backbone = nn.ModuleList(RecurrentLevel(channels[i], channels[i + 1]) for i in range(NUM_LEVELS))
-        self.residuals = nn.Sequential(*(Residual(channels[-1]) for _ in range(config.residual_blocks)))
-        self.upsampler = nn.ModuleList(Upsample(channels[i + 1], channels[i]) for i in reversed(range(NUM_LEVELS)))
-        self.tail = nn.Conv2d(channels[0], config.outputs, kernel_size=1)
+        deepest = config.channels(NUM_LEVELS)
+        self.residuals = nn.Sequential(*(Residual(deepest) for _ in range(config.residual_blocks)))
+        self._build_upsampler(config, config.outputs)
 
     def decode(
         self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
     ) -> tuple[Float[Tensor, "b 1 h w"], Attention | None]:
         """Residual blocks and decoders. There is no attention to probe."""
         with precision_of(self.runtime, pyramid.levels[0].device.type):
-            image = self.residuals(pyramid.levels[NUM_LEVELS])
-            image = upsample(
-                image, pyramid.levels, self.upsampler, self.config.skip_levels - intervention.removed_skips
-            )
-        with torch.autocast(image.device.type, enabled=False):
-            frame = self.tail(image.float())[:, :1]
-            frame = torch.sigmoid(frame) if self.config.final == "sigmoid" else frame
-        return crop_to_sensor(frame, pyramid.height, pyramid.width), None
+            deepest = self.residuals(pyramid.levels[NUM_LEVELS])
+            return self._image(deepest, pyramid, intervention, is_bounded=self.config.final == "sigmoid"), None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,19 +12,18 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from etnet.errors import ModelError
+from etnet.nets.abilities import ALL_INTERVENTIONS, Abilities
 from etnet.nets.attention import Attention, AttentionProbe, Observer
-from etnet.nets.backbone import upsample
 from etnet.nets.base import Pyramid
-from etnet.nets.blocks import ConvReLU, RecurrentLevel, Upsample
-from etnet.nets.composed import RecurrentPyramid
+from etnet.nets.composed import NUM_LEVELS, RecurrentPyramid
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.padding import PATCH, TokenGrid, crop_to_sensor
+from etnet.nets.padding import PATCH, TokenGrid
 from etnet.nets.positions import ORIGIN, Placement, grid_positions, raster_positions
-from etnet.nets.runtime import Runtime, precision_of
+from etnet.nets.runtime import precision_of
 from etnet.nets.transformer import DecoderLayer, EncoderLayer
 
-NUM_LEVELS = 3
-"""Recurrent levels of the backbone; level l works at 1/2ˡ."""
+MAX_DEPTH = 64
+"""Layers a scale: a bound for files that claim more than anybody trained."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,16 +58,28 @@ class ETNetConfig:
     dropout: float = 0.1
     """In training only."""
     normalise_voxels: bool = False
+    squash: float = 0.0
+    """Ours: counts far above this many events a bin grow as their logarithm only, v → ±s·log(1 + |v| / s); 0: never."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.scales <= NUM_LEVELS + 1:
             raise ModelError(f"ETNetConfig.scales is {self.scales}; it takes 1 … 4")
         if not 0 <= self.deepest_skip <= NUM_LEVELS:
             raise ModelError(f"ETNetConfig.deepest_skip is {self.deepest_skip}; it takes 0 … {NUM_LEVELS}")
-        if self.dim % self.heads:
+        if self.heads < 1 or self.dim % self.heads:
             raise ModelError(f"ETNetConfig.dim {self.dim} does not divide into {self.heads} heads")
-        if self.encoder_depth < 1 or self.decoder_depth < 0:
-            raise ModelError(f"ETNetConfig depths are {self.encoder_depth} and {self.decoder_depth}; want ≥ 1 and ≥ 0")
+        if not 0 <= self.squash < math.inf:
+            raise ModelError(f"ETNetConfig.squash is {self.squash}; it takes 0 or a number of events")
+        if min(self.bins, self.base_channels, self.dim, self.feed_forward) < 1:
+            raise ModelError(
+                f"ETNetConfig: bins {self.bins}, base_channels {self.base_channels}, dim {self.dim} and feed_forward "
+                f"{self.feed_forward} are at least 1"
+            )
+        if not (1 <= self.encoder_depth <= MAX_DEPTH and 0 <= self.decoder_depth <= MAX_DEPTH):
+            raise ModelError(
+                f"ETNetConfig depths are {self.encoder_depth} and {self.decoder_depth}; they take 1 … {MAX_DEPTH} and "
+                f"0 … {MAX_DEPTH}"
+            )
         if self.dim != self.channels(NUM_LEVELS):
             raise ModelError(
                 f"ETNetConfig.dim is {self.dim}; the upsampler adds it to {self.channels(NUM_LEVELS)} channels"
@@ -171,20 +183,18 @@ class TokenPyramidAggregation(nn.Module):
 class ETNet(RecurrentPyramid):
     """The network of the paper's Fig. 1. State: hidden and cell of levels 1, 2, 3, in this order."""
 
+    abilities = Abilities(
+        attention=True, levels=NUM_LEVELS, gates=True, gradients=True, split=True, interventions=ALL_INTERVENTIONS
+    )
+
     def __init__(self, config: ETNetConfig) -> None:
-        super().__init__()
-        self.name = "etnet"
-        self.card: dict[str, object] = {}
+        super().__init__("etnet", config)
         self.config = config
-        self.bins = config.bins
-        self.normalise_voxels = config.normalise_voxels
-        self.runtime = Runtime()
-        channels = [config.channels(level) for level in range(NUM_LEVELS + 1)]
-        self.head = ConvReLU(config.bins, channels[0])
-        self.backbone = nn.ModuleList(RecurrentLevel(channels[i], channels[i + 1]) for i in range(NUM_LEVELS))
         self.tpa = TokenPyramidAggregation(config)
-        self.upsampler = nn.ModuleList(Upsample(channels[i + 1], channels[i]) for i in reversed(range(NUM_LEVELS)))
-        self.tail = nn.Conv2d(channels[0], 1, kernel_size=1)
+        self._build_upsampler(config, outputs=1)
+
+    def _laid_out(self, voxel: Tensor) -> Tensor:
+        return super()._laid_out(squashed(voxel, self.config.squash) if self.config.squash else voxel)
 
     def decode(
         self,
@@ -197,12 +207,10 @@ class ETNet(RecurrentPyramid):
         observer = Observer(probe, intervention)
         with precision_of(self.runtime, pyramid.levels[0].device.type):
             context = self.tpa(pyramid.levels, observer, placement)
-            frame = self._upsample(context, pyramid.levels, intervention)
-        frame = crop_to_sensor(frame, pyramid.height, pyramid.width)
+            frame = self._image(context, pyramid, intervention, is_bounded=True)
         return frame, observer.attention(TokenGrid(pyramid.height, pyramid.width))
 
-    def _upsample(self, context: Tensor, levels: tuple[Tensor, ...], intervention: Intervention) -> Tensor:
-        """Multi-level upsampler (paper, eq. 4); the last layer and the sigmoid in fp32."""
-        image = upsample(context, levels, self.upsampler, self.config.skip_levels - intervention.removed_skips)
-        with torch.autocast(image.device.type, enabled=False):
-            return torch.sigmoid(self.tail(image.float()))
+
+def squashed(voxel: Float[Tensor, "b bins h w"], scale: float) -> Float[Tensor, "b bins h w"]:
+    """±s·log(1 + |v| / s): the identity for small counts, a logarithm for large ones."""
+    return torch.sign(voxel) * scale * torch.log1p(voxel.abs() / scale)

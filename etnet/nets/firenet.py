@@ -10,13 +10,14 @@ from torch import Tensor, nn
 from torch.nn.functional import relu
 
 from etnet.errors import ModelError
+from etnet.nets.abilities import STATE_INTERVENTIONS, Abilities
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.backbone import check_voxel
 from etnet.nets.base import Pyramid, State
 from etnet.nets.blocks import ConvGRU, Residual
 from etnet.nets.composed import Composed
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.runtime import Runtime, precision_of
+from etnet.nets.runtime import precision_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,32 +45,15 @@ class FireNet(Composed):
     Frames are unbounded: the last layer has no activation. For interventions the two memories are levels 1 and 2.
     """
 
-    post_processing = "none"
+    abilities = Abilities(levels=2, gradients=True, split=True, interventions=STATE_INTERVENTIONS)
 
     def __init__(self, config: FireNetConfig) -> None:
-        super().__init__()
+        super().__init__("firenet", config.bins, config.normalise_voxels)
         self.config = config
-        self.name = "firenet"
-        self.card: dict[str, object] = {}
-        self.bins = config.bins
-        self.normalise_voxels = config.normalise_voxels
-        self.runtime = Runtime()
         self.head = nn.Conv2d(config.bins, config.channels, kernel_size=3, padding=1)
         self.memories = nn.ModuleList(ConvGRU(config.channels) for _ in range(2))
         self.residuals = nn.ModuleList(Residual(config.channels) for _ in range(2))
         self.tail = nn.Conv2d(config.channels, 1, kernel_size=1)
-
-    def encode(
-        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
-    ) -> tuple[Pyramid, State]:
-        """Up to the second memory: all that a later frame depends on."""
-        check_voxel(voxel, self.bins)
-        with precision_of(self.runtime, voxel.device.type):
-            if self.runtime.channels_last:
-                voxel = voxel.contiguous(memory_format=torch.channels_last)
-            first = self._remember(0, relu(self.head(voxel)), state, intervention)
-            second = self._remember(1, self.residuals[0](first), state, intervention)
-        return self._pyramid_of(second), State((first, second))
 
     def decode(
         self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
@@ -83,13 +67,16 @@ class FireNet(Composed):
     def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
         """The pyramid of the step that ended in `state_after`: its second memory is all that `decode` reads."""
         check_voxel(voxel, self.bins)
-        return self._pyramid_of(state_after.tensors[1])
+        return Pyramid((state_after.tensors[1],), voxel.shape[-2], voxel.shape[-1])
+
+    def _advance(
+        self, voxel: Tensor, state: State | None, intervention: Intervention
+    ) -> tuple[tuple[Tensor, ...], State]:
+        first = self._remember(0, relu(self.head(voxel)), state, intervention)
+        second = self._remember(1, self.residuals[0](first), state, intervention)
+        return (second,), State((first, second))
 
     def _remember(self, index: int, image: Tensor, state: State | None, intervention: Intervention) -> Tensor:
         before = None if state is None or index + 1 in intervention.zeroed_levels else state.tensors[index]
         after = self.memories[index](image, before)
         return before if index + 1 in intervention.frozen_levels and before is not None else after
-
-    @staticmethod
-    def _pyramid_of(memory: Tensor) -> Pyramid:
-        return Pyramid((memory,), memory.shape[-2], memory.shape[-1])

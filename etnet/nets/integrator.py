@@ -9,12 +9,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from etnet.errors import ModelError
+from etnet.nets.abilities import Abilities
 from etnet.nets.attention import Attention, AttentionProbe
-from etnet.nets.backbone import check_voxel
 from etnet.nets.base import Pyramid, State
 from etnet.nets.composed import Composed
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.runtime import Runtime
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,28 +39,13 @@ class LeakyIntegrator(Composed):
     What a network is worth can be told beside it only: it has no idea of images, and its grey is nobody's light.
     """
 
-    post_processing = "none"
+    abilities = Abilities(gradients=True)
 
     def __init__(self, config: IntegratorConfig) -> None:
-        super().__init__()
+        super().__init__("leaky-integrator", config.bins, config.normalise_voxels)
         self.config = config
-        self.name = "leaky-integrator"
-        self.card: dict[str, object] = {}
-        self.bins = config.bins
-        self.normalise_voxels = config.normalise_voxels
-        self.runtime = Runtime()
         self.keep = nn.Parameter(torch.tensor(config.keep), requires_grad=False)
         self.gain = nn.Parameter(torch.tensor(config.gain), requires_grad=False)
-
-    def encode(
-        self, voxel: Float[Tensor, "b bins h w"], state: State | None = None, intervention: Intervention = ORIGINAL
-    ) -> tuple[Pyramid, State]:
-        """Forget a little, add this window's polarities."""
-        self._refuse(intervention)
-        check_voxel(voxel, self.bins)
-        added = self.gain * voxel.sum(dim=1, keepdim=True)
-        brightness = added if state is None else self.keep * state.tensors[0] + added
-        return self._pyramid_of(brightness), State((brightness,))
 
     def decode(
         self, pyramid: Pyramid, probe: AttentionProbe | None = None, intervention: Intervention = ORIGINAL
@@ -72,12 +56,17 @@ class LeakyIntegrator(Composed):
 
     def pyramid(self, voxel: Float[Tensor, "b bins h w"], state_after: State) -> Pyramid:
         """The memory is all that `decode` reads."""
-        return self._pyramid_of(state_after.tensors[0])
+        return Pyramid((state_after.tensors[0],), voxel.shape[-2], voxel.shape[-1])
+
+    def _advance(
+        self, voxel: Tensor, state: State | None, intervention: Intervention
+    ) -> tuple[tuple[Tensor, ...], State]:
+        """Forget a little, add this window's polarities."""
+        self._refuse(intervention)
+        added = self.gain * voxel.sum(dim=1, keepdim=True)
+        brightness = added if state is None else self.keep * state.tensors[0] + added
+        return (brightness,), State((brightness,))
 
     def _refuse(self, intervention: Intervention) -> None:
         if intervention != ORIGINAL:
             raise ModelError(f"{self.name}: has no scales and no attention, so nothing inside it can be changed")
-
-    @staticmethod
-    def _pyramid_of(brightness: Tensor) -> Pyramid:
-        return Pyramid((brightness,), brightness.shape[-2], brightness.shape[-1])

@@ -13,10 +13,11 @@ from etnet.nets.e2vid import E2VID, E2VID_PRESETS, E2VIDConfig
 from etnet.nets.etnet import ETNet, ETNetConfig
 from etnet.nets.firenet import FIRENET_PRESETS, FireNet, FireNetConfig
 from etnet.nets.integrator import IntegratorConfig, LeakyIntegrator
+from etnet.nets.pienet import PIENET_PRESETS, PIENet, PIENetConfig
 
-Network = ETNet | E2VID | FireNet | LeakyIntegrator
+Network = ETNet | E2VID | FireNet | PIENet | LeakyIntegrator
 """A network that this package can build, save and load."""
-NetworkConfig = ETNetConfig | E2VIDConfig | FireNetConfig | IntegratorConfig
+NetworkConfig = ETNetConfig | E2VIDConfig | FireNetConfig | PIENetConfig | IntegratorConfig
 
 _HALF = ETNetConfig(
     base_channels=16, dim=128, feed_forward=512, projects_coarsest=True, token_norm=True, context_norm=True
@@ -28,6 +29,7 @@ PRESETS: dict[str, NetworkConfig] = {
     "tiny": replace(_HALF, base_channels=4, dim=32, heads=4, feed_forward=64, encoder_depth=1, decoder_depth=1),
     **E2VID_PRESETS,
     **FIRENET_PRESETS,
+    **PIENET_PRESETS,
 }
 """`etnet`: the paper's best. `etnet-half`: half its width, our default on a CPU. `tiny`: for tests. Then the rivals."""
 
@@ -35,6 +37,7 @@ ARCHITECTURES: dict[str, tuple[type[Any], type[Network]]] = {
     "ETNet": (ETNetConfig, ETNet),
     "E2VID": (E2VIDConfig, E2VID),
     "FireNet": (FireNetConfig, FireNet),
+    "PIENet": (PIENetConfig, PIENet),
     "LeakyIntegrator": (IntegratorConfig, LeakyIntegrator),
 }
 """Configuration and network by the class name that weights files carry."""

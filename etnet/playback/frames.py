@@ -7,7 +7,7 @@ from collections.abc import Hashable
 
 from torch import Tensor
 
-from etnet.nets.base import kept_alive
+from etnet.nets.storage import kept_alive
 
 
 class Frames:

@@ -13,7 +13,7 @@ from etnet.errors import Cancelled
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.events.recording import Recording
 from etnet.nets.attention import AttentionProbe
-from etnet.nets.base import Pyramid, Reconstructor, State, Step
+from etnet.nets.base import Pyramid, Reconstructor, State, Step, variance_of
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.runtime import contract_of, device_of
 from etnet.playback.checkpoints import Checkpoints
@@ -105,16 +105,16 @@ class Playback:
         frame = self.frame(index, intervention) if probe is None else None
         state = self._state(index)
         if frame is not None and state is not None:
-            return Step(frame, state)
+            return Step(frame, state, variance=variance_of(self.model, state))
         with torch.inference_mode():
             pyramid, state = self._pyramid(index, cancelled, progress)
             if frame is not None:
-                return Step(frame, state)
+                return Step(frame, state, variance=variance_of(self.model, state))
             frame, attention = self.model.decode(pyramid, probe, self._decoding(intervention, index))
         self._frames.put((index, intervention), frame)
         if intervention == ORIGINAL and (disk := self._usable_disk()) is not None:
             disk.put_frame(index, frame)
-        return Step(frame, state, attention)
+        return Step(frame, state, attention, variance_of(self.model, state))
 
     def frame(self, index: int, intervention: Intervention = ORIGINAL) -> Float[Tensor, "1 1 h w"] | None:
         """The frame of window `index` if it is held, here or on disk, else `None`; computes nothing."""
@@ -150,7 +150,7 @@ class Playback:
             assert pyramid is not None
             assert state is not None
             frame, _ = self.model.decode(pyramid, None, self._decoding(ORIGINAL, index))
-        return Step(frame, state)
+        return Step(frame, state, variance=variance_of(self.model, state))
 
     def voxel(self, index: int) -> Float[Tensor, "bins h w"]:
         """The voxel grid that the network gets for window `index`, its normalisation applied."""

@@ -17,6 +17,8 @@ class Clip:
     voxels: Float32[np.ndarray, "t bins h w"]
     frames: Float32[np.ndarray, "t h w"]
     flow: Float32[np.ndarray, "t 2 h w"]
+    is_gamma: bool = False
+    """Whether the frames are gamma-coded in a run whose target is linear."""
 
 
 def augment(clip: Clip, config: AugmentConfig, rng: np.random.Generator) -> Clip:
@@ -29,14 +31,15 @@ def augment(clip: Clip, config: AugmentConfig, rng: np.random.Generator) -> Clip
         voxels = voxels + np.float32(deviation) * rng.standard_normal(voxels.shape, np.float32)
     if config.hot_pixel_share > 0:
         voxels = voxels + _hot_pixels(voxels.shape[-2:], config, rng)
-    return Clip(voxels, clip.frames, clip.flow)
+    return Clip(voxels, clip.frames, clip.flow, clip.is_gamma)
 
 
 def _flipped(clip: Clip, along_x: bool, along_y: bool) -> Clip:
     rows, columns = slice(None, None, -1 if along_y else 1), slice(None, None, -1 if along_x else 1)
     sign = np.array([-1 if along_x else 1, -1 if along_y else 1], np.float32)[:, None, None]
     arrays = (clip.voxels, clip.frames, clip.flow * sign)
-    return Clip(*(np.ascontiguousarray(array[..., rows, columns]) for array in arrays))
+    voxels, frames, flow = (np.ascontiguousarray(array[..., rows, columns]) for array in arrays)
+    return Clip(voxels, frames, flow, clip.is_gamma)
 
 
 def _hot_pixels(size: tuple[int, ...], config: AugmentConfig, rng: np.random.Generator) -> Float32[np.ndarray, "h w"]:

@@ -9,8 +9,10 @@ from typing import Literal
 from etnet.errors import EtnetError
 from etnet.nets.etnet import ETNetConfig
 from etnet.nets.presets import PRESETS
-from etnet.nets.runtime import AttentionPath, Precision
+from etnet.nets.runtime import AttentionPath
 from etnet.simulation.config import SceneConfig, SensorConfig
+
+TrainPrecision = Literal["auto", "fp32", "bf16"]
 
 
 class TrainingError(EtnetError):
@@ -40,7 +42,7 @@ class Stage:
     """Clips an update, over all processes."""
 
     def __post_init__(self) -> None:
-        _require(self.updates >= 1, f"Stage.updates is {self.updates}; wanted at least 1")
+        _require(self.updates >= 0, f"Stage.updates is {self.updates}; wanted at least 0 (0 leaves the stage out)")
         _require(self.clips >= 1, f"Stage.clips is {self.clips}; wanted at least 1")
         _require(min(self.size) >= 32, f"Stage.size is {self.size}; LPIPS wants at least 32 pixels a side")
 
@@ -60,8 +62,18 @@ class DataConfig:
     scene: SceneConfig = field(default_factory=SceneConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
     target_tone: Literal["linear", "srgb"] = "linear"
+    gamma_share: float = 0.0
+    """How many clips show their frames in sRGB although `target_tone` is linear; they are judged after the best gain
+    and offset of each frame, because the network cannot know the tone."""
+    density: tuple[float, float] | None = None
+    """Events per pixel and running window, drawn log-uniformly for each clip; without it as `scene` draws them.
+    `scene.max_speed_px` and the thresholds decide how much of it is reached."""
 
     def __post_init__(self) -> None:
+        _require(0 <= self.gamma_share <= 1, f"DataConfig.gamma_share is {self.gamma_share}; wanted a share in 0 … 1")
+        if self.density is not None:
+            low, high = self.density
+            _require(0 < low <= high, f"DataConfig.density is {self.density}; wanted two ascending numbers above 0")
         _require(self.windows >= 1, f"DataConfig.windows is {self.windows}; wanted at least 1")
         _require(self.workers >= 0 and self.prefetch >= 1, "DataConfig.workers is at least 0, prefetch at least 1")
 
@@ -179,6 +191,9 @@ class ValidationConfig:
     score_every: int = 4
     """Every how many windows a frame is decoded and scored."""
     seed: int = 7_000_000
+    other_densities: tuple[float, ...] = ()
+    """Events per pixel and window of clips from a second, independent generator (`other_scenes.py`): affine LPIPS is
+    logged by density."""
     recordings: tuple[Path, ...] = ()
     """Real recordings with frames that are scored beside the clips (never the test sequence)."""
 
@@ -205,7 +220,8 @@ class TrainConfig:
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     validation: ValidationConfig = field(default_factory=ValidationConfig)
     seed: int = 0
-    precision: Precision = "fp32"
+    precision: TrainPrecision = "fp32"
+    """"auto": bf16 where a trial update is faster in it. A run that is taken up keeps what was chosen."""
     attention: AttentionPath = "plain"
     channels_last: bool = False
     threads: int = 1
@@ -213,7 +229,7 @@ class TrainConfig:
     checkpoint_every: int = 50
 
     def __post_init__(self) -> None:
-        _require(bool(self.stages), "TrainConfig.stages is empty; wanted at least one Stage")
+        _require(self.updates >= 1, "TrainConfig.stages hold no update; wanted at least one Stage with one")
         _require(
             1 <= self.truncate <= self.data.windows and self.data.windows % self.truncate == 0,
             f"TrainConfig.truncate is {self.truncate}; it has to divide the {self.data.windows} windows of a clip",

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Thread
 
 import cv2
@@ -43,6 +43,8 @@ class Stretch:
     """Clips that begin here."""
     first_window: tuple[int, ...]
     """Where in its clip each one stands."""
+    is_gamma: tuple[bool, ...]
+    """Clips whose frames are gamma-coded although the run's target is linear."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +107,22 @@ class ClipSource(Dataset[Clip]):
         if self._pictures is None:
             self._pictures = draw_pictures(config.data, "train", config.seed)
         rng = np.random.default_rng([config.seed, 1, *key])
-        sequence = simulate_sequence(self._pictures, sequence_config(config, config.stages[key[0]].size), rng)
-        return augment(Clip(sequence.voxels, sequence.frames, sequence.flow), config.augment, rng)
+        wanted, is_gamma = drawn_config(
+            config, config.stages[key[0]].size, np.random.default_rng([config.seed, 4, *key])
+        )
+        sequence = simulate_sequence(self._pictures, wanted, rng)
+        return augment(Clip(sequence.voxels, sequence.frames, sequence.flow, is_gamma), config.augment, rng)
+
+
+def drawn_config(config: TrainConfig, size: tuple[int, int], rng: np.random.Generator) -> tuple[SequenceConfig, bool]:
+    """The simulator's config for one clip with its density and tone drawn, and whether its frames are gamma-coded."""
+    plain, data = sequence_config(config, size), config.data
+    if data.density is not None:
+        low, high = np.log(data.density)
+        aim = float(np.exp(rng.uniform(low, high)))
+        plain = replace(plain, scene=replace(plain.scene, density=aim, density_sigma=0.0))
+    is_gamma = data.target_tone == "linear" and bool(rng.random() < data.gamma_share)
+    return (replace(plain, target_tone="srgb") if is_gamma else plain), is_gamma
 
 
 def sequence_config(config: TrainConfig, size: tuple[int, int]) -> SequenceConfig:
@@ -180,6 +196,7 @@ def _stretch(lanes: list[tuple[Clip, Slot]], length: int) -> Stretch:
         flow=stacked("flow"),
         is_cold=torch.tensor([slot.first_window == 0 for _, slot in lanes]),
         first_window=tuple(slot.first_window for _, slot in lanes),
+        is_gamma=tuple(clip.is_gamma for clip, _ in lanes),
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +13,15 @@ import torch
 
 from etnet.nets.etnet import ETNet
 from etnet.nets.precision import bf16_is_worth_trying
-from etnet.training.checkpoint import BEST, LAST, save_checkpoint
+from etnet.training.checkpoint import BEST, LAST, load_checkpoint, save_checkpoint
 from etnet.training.config import TrainConfig, TrainingError
-from etnet.training.data import stretches
+from etnet.training.data import Stretch, stretches
 from etnet.training.distributed import World
+from etnet.training.films import Film
 from etnet.training.log import RunLog
+from etnet.training.other_scenes import affine_by_film, other_films
 from etnet.training.run import Run, begin, resume
-from etnet.training.validate import Film, films_of, validate
+from etnet.training.validate import films_of, validate
 
 Report = Callable[[str, int, dict[str, Any]], None]
 """Told the kind of a log line ("train", "validation"), the update and the numbers."""
@@ -30,9 +34,10 @@ def train(config: TrainConfig, world: World | None = None, report: Report | None
     """
     world = world or World()
     torch.set_num_threads(config.threads)
+    last = config.out / LAST
+    config = decided(config, world, last)
     if config.precision == "bf16" and not bf16_is_worth_trying():
         raise TrainingError("precision is bf16, but this machine multiplies bf16 slower than fp32; train with fp32")
-    last = config.out / LAST
     run = resume(config, world, last, changed) if last.exists() else begin(config, world)
     journal = Journal(run, report) if world.leads else None
     lanes = [world.lanes(stage.clips) for stage in config.stages]
@@ -49,6 +54,40 @@ def train(config: TrainConfig, world: World | None = None, report: Report | None
     return run
 
 
+def decided(config: TrainConfig, world: World, last: Path) -> TrainConfig:
+    """The config with "auto" precision decided: as the run to be taken up has it, else by a trial update of each."""
+    if config.precision != "auto":
+        return config
+    if last.exists():
+        kept = load_checkpoint(last).config["precision"]
+        return replace(config, precision="bf16" if kept == "bf16" else "fp32")
+    if world.size > 1 or not bf16_is_worth_trying():  # several processes might decide differently
+        return replace(config, precision="fp32")
+    fp32, bf16 = (replace(config, precision=precision) for precision in ("fp32", "bf16"))
+    return bf16 if trial_seconds(bf16) < trial_seconds(fp32) else fp32
+
+
+def trial_seconds(config: TrainConfig, updates: int = 2) -> float:
+    """Seconds of the fastest of a few updates on empty clips, in a run that is thrown away."""
+    stage, length = config.stages[config.stage_at(0)[0]], config.truncate
+    run = begin(replace(config, start=None), World())
+    shape = (length, stage.clips)
+    stretch = Stretch(
+        voxels=torch.zeros(*shape, config.network.bins, *stage.size),
+        frames=torch.full((*shape, 1, *stage.size), 0.5),
+        flow=torch.zeros(*shape, 2, *stage.size),
+        is_cold=torch.ones(stage.clips, dtype=torch.bool),
+        first_window=(0,) * stage.clips,
+        is_gamma=(False,) * stage.clips,
+    )
+    seconds = []
+    for _ in range(min(updates, config.updates)):
+        start = time.perf_counter()
+        run.step(stretch)
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
+
+
 class Journal:
     """What the leading process writes down: means since the last line, validation, the best weights."""
 
@@ -56,6 +95,7 @@ class Journal:
         self._run = run
         self._report = report
         self._films: list[Film] = films_of(run.config)
+        self._other: list[Film] = other_films(run.config) if run.config.validation.every else []
         self._log = RunLog(run.config.out, run.update)
         if run.update == 0:
             self._log.write("config", 0, {"config": run.config.as_plain()})
@@ -88,7 +128,9 @@ class Journal:
         averaged = run.averaged.model(run.model)
         assert isinstance(averaged, ETNet)
         scores = validate(averaged, self._films, run.config.validation.score_every, run.lpips)
-        self._tell("validation", scores.numbers())
+        every = run.config.validation.score_every
+        other = {"affine_by_density": affine_by_film(averaged, self._other, every, run.lpips)} if self._other else {}
+        self._tell("validation", {**scores.numbers(), **other})
         self._log.preview(run.update, scores.previews, scores.targets)
         if scores.lpips["as_is"] < run.best:
             run.best = scores.lpips["as_is"]

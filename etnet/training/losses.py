@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, grid_sample
 
@@ -81,6 +81,25 @@ def score(
     }
     total = torch.stack([getattr(config, name) * term for name, term in weighted.items()]).sum()
     return Terms(total, **weighted)
+
+
+def without_tone(
+    prediction: Float[Tensor, "b 1 h w"], target: Float[Tensor, "b 1 h w"], is_gamma: Bool[Tensor, " b"]
+) -> Float[Tensor, "b 1 h w"]:
+    """The frames marked `is_gamma` with the gain and offset that bring them nearest to their target (least squares).
+
+    Gain and offset are not trained through: a frame must not gain by becoming easier to fit.
+    """
+    if not bool(is_gamma.any()):
+        return prediction
+    prediction = prediction.float()
+    with torch.no_grad():
+        mean, wanted = (image.mean((2, 3), keepdim=True) for image in (prediction, target))
+        spread = ((prediction - mean) ** 2).mean((2, 3), keepdim=True)
+        gain = ((prediction - mean) * (target - wanted)).mean((2, 3), keepdim=True) / (spread + 1e-6)
+        gain = gain.clamp_min(0.1)  # never upside down, never flat
+        offset = wanted - gain * mean
+    return torch.where(is_gamma[:, None, None, None], gain * prediction + offset, prediction)
 
 
 def gradient_l1(prediction: Float[Tensor, "b 1 h w"], target: Float[Tensor, "b 1 h w"]) -> Tensor:

@@ -1,5 +1,7 @@
 """What turns gradients into steps: AdamW, or Muon for the matrices and AdamW for everything else."""
 
+# pyright: reportPrivateImportUsage=false
+# torch's own optimisers are written with its _foreach functions; there is no public name for them.
 from __future__ import annotations
 
 from collections import defaultdict
@@ -19,6 +21,8 @@ from etnet.training.config import OptimiserConfig
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the odd polynomial that drives all singular values to about 1 (Jordan et al. 2024, "Muon")."""
 NUM_ITERATIONS = 5
+GRAM_FROM = 1.5
+"""From this ratio of the sides on, iterating on the Gram matrix takes fewer products than iterating on the matrix."""
 OTHERS_RATE_SHARE = 0.25
 """What is no matrix learns at this share of the rate: at a rate that suits matrices biases drive ReLUs silent."""
 LIKE_ADAM = 0.2
@@ -43,55 +47,88 @@ class Muon(Optimizer):
         """One update from the gradients that the parameters hold."""
         assert closure is None, "gradients are computed before the step"
         for group in self.param_groups:
-            trained = [parameter for parameter in group["params"] if parameter.grad is not None]
-            for parameter in trained:
-                parameter.mul_(1 - group["lr"] * group["weight_decay"])
+            trained: list[Tensor] = [parameter for parameter in group["params"] if parameter.grad is not None]
+            if not trained:
+                continue
+            torch._foreach_mul_(trained, 1 - group["lr"] * group["weight_decay"])
             if group["blocks"]:
                 self._step_matrices(trained, group)
             else:
                 self._step_others(trained, group)
 
-    def _step_matrices(self, trained: list[nn.Parameter], group: dict[str, Any]) -> None:
+    def _step_matrices(self, trained: list[Tensor], group: dict[str, Any]) -> None:
+        gradients, means = _gradients(trained), self._held(trained, "mean")
+        torch._foreach_lerp_(means, gradients, 1 - group["momentum"])
+        ahead = torch._foreach_lerp(gradients, means, group["momentum"])
         by_shape: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = defaultdict(list)
-        for parameter in trained:
-            assert parameter.grad is not None
-            state = self.state[parameter]
-            mean = state.setdefault("mean", torch.zeros_like(parameter))
-            mean.lerp_(parameter.grad, 1 - group["momentum"])
-            ahead = parameter.grad.lerp(mean, group["momentum"])
-            for target, piece in zip(parameter.chunk(group["blocks"]), ahead.chunk(group["blocks"]), strict=True):
+        for parameter, direction in zip(trained, ahead, strict=True):
+            for target, piece in zip(parameter.chunk(group["blocks"]), direction.chunk(group["blocks"]), strict=True):
                 matrix = piece.flatten(1)
                 by_shape[matrix.shape[0], matrix.shape[1]].append((target, matrix))
         for shape, found in by_shape.items():
             steps = orthogonalised(torch.stack([matrix for _, matrix in found]))
             size = group["lr"] * LIKE_ADAM * max(shape) ** 0.5
-            for (target, _), step in zip(found, steps, strict=True):
-                target.sub_(step.reshape(target.shape), alpha=size)
+            targets = [target for target, _ in found]
+            torch._foreach_add_(targets, [s.reshape(t.shape) for s, t in zip(steps, targets, strict=True)], alpha=-size)
 
-    def _step_others(self, trained: list[nn.Parameter], group: dict[str, Any]) -> None:
+    def _step_others(self, trained: list[Tensor], group: dict[str, Any]) -> None:
+        """AdamW on all of them at once: hundreds of small vectors are slow one by one."""
         first, second = group["betas"]
+        by_count: dict[float, list[Tensor]] = defaultdict(list)
         for parameter in trained:
-            assert parameter.grad is not None
-            state = self.state[parameter]
-            mean = state.setdefault("mean", torch.zeros_like(parameter))
-            square = state.setdefault("square", torch.zeros_like(parameter))
-            count = state.setdefault("count", torch.zeros(())).add_(1).item()
-            mean.lerp_(parameter.grad, 1 - first)
-            square.mul_(second).addcmul_(parameter.grad, parameter.grad, value=1 - second)
-            scale = (square / (1 - second**count)).sqrt_().add_(group["eps"])
-            parameter.addcdiv_(mean, scale, value=-group["lr"] / (1 - first**count))
+            count = self.state[parameter].setdefault("count", torch.zeros(())).add_(1).item()
+            by_count[count].append(parameter)
+        for count, parameters in by_count.items():
+            gradients = _gradients(parameters)
+            means, squares = self._held(parameters, "mean"), self._held(parameters, "square")
+            torch._foreach_lerp_(means, gradients, 1 - first)
+            torch._foreach_mul_(squares, second)
+            torch._foreach_addcmul_(squares, gradients, gradients, value=1 - second)
+            scales = torch._foreach_div(squares, 1 - second**count)
+            torch._foreach_sqrt_(scales)
+            torch._foreach_add_(scales, group["eps"])
+            torch._foreach_addcdiv_(parameters, means, scales, value=-group["lr"] / (1 - first**count))
+
+    def _held(self, parameters: list[Tensor], name: str) -> list[Tensor]:
+        return [self.state[parameter].setdefault(name, torch.zeros_like(parameter)) for parameter in parameters]
+
+
+def _gradients(parameters: list[Tensor]) -> list[Tensor]:
+    return [parameter.grad for parameter in parameters if parameter.grad is not None]
 
 
 def orthogonalised(matrices: Float[Tensor, "n r c"]) -> Float[Tensor, "n r c"]:
-    """About U Vᵀ of each matrix U S Vᵀ: singular values between .7 and 1.2, by five Newton-Schulz iterations."""
-    a, b, c = NEWTON_SCHULZ
+    """About U Vᵀ of each matrix U S Vᵀ: singular values between .7 and 1.2, by five Newton-Schulz iterations.
+
+    Each iteration is X ← (aI + bG + cG²) X with G = X Xᵀ. For wide matrices the small side is enough: what multiplies X
+    is gathered in Q, G follows as M G M, and X is touched at the beginning and at the end alone.
+    """
     is_tall = matrices.shape[1] > matrices.shape[2]
     x = matrices.mT if is_tall else matrices
     x = x / (torch.linalg.matrix_norm(x, keepdim=True) + 1e-7)
+    x = _by_gram(x) if x.shape[2] > GRAM_FROM * x.shape[1] else _by_matrix(x)
+    return x.mT if is_tall else x
+
+
+def _by_matrix(x: Float[Tensor, "n r c"]) -> Float[Tensor, "n r c"]:
+    a, b, c = NEWTON_SCHULZ
     for _ in range(NUM_ITERATIONS):
         gram = x @ x.mT
         x = a * x + (b * gram + c * (gram @ gram)) @ x
-    return x.mT if is_tall else x
+    return x
+
+
+def _by_gram(x: Float[Tensor, "n r c"]) -> Float[Tensor, "n r c"]:
+    a, b, c = NEWTON_SCHULZ
+    gram = x @ x.mT
+    identity = torch.eye(x.shape[1], dtype=x.dtype, device=x.device).expand_as(gram)
+    gathered = identity
+    for iteration in range(NUM_ITERATIONS):
+        factor = torch.baddbmm(b * gram, gram, gram, alpha=c) + a * identity
+        gathered = factor if iteration == 0 else factor @ gathered
+        if iteration + 1 < NUM_ITERATIONS:
+            gram = factor @ gram @ factor
+    return gathered @ x
 
 
 def build_optimiser(model: ETNet, others: Iterable[nn.Parameter], config: OptimiserConfig) -> Optimizer:

@@ -67,6 +67,31 @@ HALF = TrainConfig(
 )
 """Half width, for two cores. `docs/training.md` has the reasons for every number."""
 
+WIDE = replace(
+    HALF,
+    out=Path("runs/wide"),
+    initialise="default",
+    stages=(Stage(20_000),),
+    data=replace(
+        HALF.data,
+        density=(0.05, 5.0),
+        gamma_share=0.25,
+        scene=replace(HALF.data.scene, blur_px=(0.0, 0.9), exposure=(0.08, 0.7), max_speed_px=30.0, pause_start=0.02),
+        sensor=replace(
+            HALF.data.sensor,
+            threshold_core=(0.1, 1.0),
+            threshold_core_share=0.9,
+            balance_center=1.15,
+            balance_sigma=0.25,
+        ),
+    ),
+    context=replace(HALF.context, skip_drop=0.3, skip_drop_end=0.3, blind_share=0.2),
+    optimiser=replace(HALF.optimiser, learning_rate=6e-4, warm_up=30, cool_down=19_970, ema=0.998),
+    validation=replace(HALF.validation, every=2000, other_densities=(0.1, 0.3, 1.0, 2.0, 5.0)),
+    precision="auto",
+)
+"""On from the bundled weights (`--start`), to where they are weak: dense windows, gamma-coded scenes, attention."""
+
 TINY = TrainConfig(
     out=Path("runs/tiny"),
     network=replace(network_preset("tiny"), positions="grid", dropout=0.0),
@@ -82,4 +107,4 @@ TINY = TrainConfig(
 )
 """Learns in two minutes on two cores, without any file."""
 
-RECIPES: dict[str, TrainConfig] = {"paper": PAPER, "half": HALF, "tiny": TINY}
+RECIPES: dict[str, TrainConfig] = {"paper": PAPER, "half": HALF, "wide": WIDE, "tiny": TINY}

@@ -22,7 +22,7 @@ from etnet.training.context_reader import ContextReader, context_of
 from etnet.training.data import Stretch
 from etnet.training.distributed import World
 from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, start_upsampler, take_fitting
-from etnet.training.losses import Pairs, Terms, drives_of, score, silence
+from etnet.training.losses import Pairs, Terms, drives_of, score, silence, without_tone
 from etnet.training.optimiser import build_optimiser
 from etnet.training.unroll import Draw, blindfold, draw_update, restart, unroll
 
@@ -91,7 +91,10 @@ class Run:
         with context_of(self.model) as contexts, drives_of(self.model) as drives:
             frames, _ = self.model.decode(pyramid, intervention=draw.intervention, placement=draw.placement)
         targets, loss = stretch.frames[list(draw.scored)].flatten(0, 1), self.config.loss
-        told = self.reader.error(contexts[0], targets) if loss.context else None
+        is_gamma = torch.tensor(stretch.is_gamma * len(draw.scored))
+        frames = without_tone(frames, targets, is_gamma)
+        reads = bool(loss.context) and not bool(is_gamma.all())
+        told = self.reader.error(contexts[0][~is_gamma], targets[~is_gamma]) if reads else None
         alive = silence(drives) if loss.alive else None
         return score(frames, targets, loss, self.lpips, self._pairs(stretch, draw), told, alive), state
 
@@ -144,6 +147,7 @@ def begin(config: TrainConfig, world: World) -> Run:
         start_attention_locally(model, generator)
     if config.initialise == "upsampler":
         start_upsampler(model.upsampler, generator)
+    assert config.precision != "auto", "the loop decides before a run begins"
     apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
     model.train()
     reader = ContextReader(config.network.dim, generator)

@@ -21,6 +21,7 @@ from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.simulation.sequence import simulate_sequence
 from etnet.training.config import TrainConfig
 from etnet.training.data import draw_pictures, sequence_config
+from etnet.training.films import Film
 from etnet.training.watch import Health, health_of
 from etnet.voxel import voxel_grid
 from etnet.windows import BetweenFrames, plan_windows
@@ -34,15 +35,6 @@ CONDITIONS: dict[str, tuple[Intervention, bool]] = {
 """What tells whether TPA, and its attention, are of any use: an intervention, and whether TPA's output is everywhere
 its mean over the image. Zeroing TPA costs much where it is but a constant that the upsampler counts on; its mean does
 not."""
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """Voxel grids and the frames at their ends, one after the other from a cold start."""
-
-    name: str
-    voxels: Float[Tensor, "t bins h w"]
-    frames: Float[Tensor, "t 1 h w"]
 
 
 @dataclass(frozen=True, eq=False)

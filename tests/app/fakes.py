@@ -12,6 +12,7 @@ from app.engine.requests import Failed, FrameRequest, Ready, Working
 from etnet.errors import ModelError, RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import recording_of_events
+from etnet.nets.attention import Attention
 from etnet.nets.base import Pyramid, State
 from etnet.reconstruction import window_voxel
 from etnet.windows import ByCount, plan_windows
@@ -73,9 +74,12 @@ class CountingModel(nn.Module):
         raise NotImplementedError("the engine encodes and decodes")
 
 
-class FakeAttention:
+class FakeAttention(Attention):
     sites = ("scale1.encoder.0.self",)
     nbytes = 1000
+
+    def __init__(self):
+        """Nothing is in it."""
 
 
 @dataclass

@@ -76,7 +76,7 @@ def test_weights_in_the_data_folder_are_offered_and_broken_ones_are_not(tmp_path
     (tmp_path / "deep").mkdir()
     (tmp_path / "deep" / "broken.safetensors").write_bytes(b"nothing of the kind")
     titles = [model.title for model in Catalogue(ViewerConfig(data=tmp_path)).models()]
-    assert titles == ["etnet-half", "my weights", "leaky integrator"]
+    assert titles == ["etnet-half", "pie-net-lite", "my weights", "leaky integrator"]
     named = Catalogue(ViewerConfig(data=tmp_path, model=str(tmp_path / "mine.safetensors"))).models()
     assert [model.title for model in named].count("my weights") == 1
     assert named[0].title == "my weights"

@@ -15,8 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted(path for package in ("etnet", "app") for path in (ROOT / package).rglob("*.py"))
 
 PUBLIC = {
-    "open_recording", "Recording", "Events", "Sensor", "GroundTruth",
+    "open_recording", "Recording", "Events", "Sensor", "GroundTruth", "Triggers",
     "plan_windows", "Window", "BetweenFrames", "ByCount", "ByDuration", "ByDensity",
+    "ByCountOrDuration", "ByActivity", "ByStamps",
     "voxel_grid", "load_model", "build_model", "State", "Step",
     "Attention", "AttentionProbe", "Intervention", "EventEdit",
     "reconstruct", "Playback",

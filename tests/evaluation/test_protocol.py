@@ -1,5 +1,7 @@
 """Protocols feed and score exactly what the field's scripts do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,18 @@ def test_slider_depth_has_38_frames_in_the_paper_and_39_in_evreal() -> None:
     assert first == 1_007_900
     assert paper.items[0].window.t_start == 1_000_000
     assert len(evreal.items) == 39 + paper.frames[0]
+
+
+def test_frames_that_cannot_be_compared_are_one_clear_error() -> None:
+    recording = made_up(num_frames=6)
+    truth = recording.ground_truth
+    assert truth is not None
+    elsewhere = replace(truth, stamps=truth.stamps + 10**15)
+    larger = replace(truth, read_frame=lambda i: np.zeros((99, 99), np.float32))
+    for frames, match in ((elsewhere, "none of the 5 frames to score lies among the events"), (larger, "99×99 pixels")):
+        with pytest.raises(RecordingError, match=match) as refusal:
+            plan_protocol(replace(recording, ground_truth=frames), PAPER)
+        assert "\n" not in str(refusal.value)
+    late = replace(truth, stamps=truth.stamps + np.array([0, 0, 0, 10**9, 10**9, 10**9]))
+    remarks = plan_protocol(replace(recording, ground_truth=late), PAPER).remarks
+    assert any("scored windows hold no event" in remark for remark in remarks)

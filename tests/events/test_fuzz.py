@@ -16,6 +16,10 @@ from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
 from tests.events.formats.test_camera_samples import global_shutter, picture, saved, with_events
+from tests.events.formats.test_ros_containers import killed_bag, packets_of_evt21
+from tests.events.formats.test_ros_pictures import EVENTS as ROS_EVENTS
+from tests.events.formats.test_ros_pictures import grey, packed_grey, record
+from tests.events.formats.test_triggers import EDGES, triggered
 from tests.events.fuzz import fuzz, is_ours
 from tests.real_data import real_file
 from tests.strategies import make_events
@@ -24,7 +28,11 @@ ROUNDS = 12
 SLOW_ROUNDS = 400
 
 WRITTEN = ("event_utils.h5", "dsec.hdf5", "aedat4.aedat4", "evt3.raw", "csv.csv", "npz.npz")
-MADE = ("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy", "davis.aedat")
+MADE = (
+    *("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy", "davis.aedat"),
+    *("columns.h5", "records.h5", "frames.h5", "records.npz", "xypt.npz", "pandas.csv", "metavision.csv"),
+    *("pictures.db3", "killed.active", "triggers.raw", "packets.mcap"),
+)
 REAL = (
     "aedat4/davis346_street_0.17s.aedat4",
     "aedat4/test_data_gray16.aedat4",
@@ -63,11 +71,45 @@ def seed_file(name: str, folder):
         path.write_text("20 12\n" + rows)
     elif name == "text.txt.gz":
         path.write_bytes(gzip.compress(rows.encode()))
+    elif name.endswith((".h5", ".npz", ".csv")):
+        save_found(path, events)
     elif name == "davis.aedat":
         saved(path, with_events(global_shutter([picture(np.random.default_rng(0))]))[0])
+    elif name == "pictures.db3":
+        kinds = [("/dvs/image_raw", "raw", grey(9)), ("/dvs/image_raw/compressed", "packed", packed_grey(9))]
+        record(path, [("/dvs/events", "events", ROS_EVENTS), *kinds])
+    elif name == "killed.active":
+        killed_bag(path)
+    elif name == "triggers.raw":
+        write_recording(triggered(EDGES, events), path)
+    elif name == "packets.mcap":
+        packets_of_evt21(path)
     else:
         np.save(path, np.stack([events.t, events.x, events.y, events.p], 1))
     return path
+
+
+def save_found(path, events):
+    """Events that have to be found, in HDF5, npz and text."""
+    columns = {axis: getattr(events, axis) for axis in "xytp"}
+    records = np.rec.fromarrays(list(columns.values()), names=list(columns))
+    if path.suffix == ".npz":
+        np.savez_compressed(path, records if "records" in path.name else np.stack([columns[k] for k in "xypt"], 1))
+    elif path.suffix == ".csv":
+        is_pandas = path.name == "pandas.csv"
+        rows = zip(*(columns[axis].tolist() for axis in "xypt"), strict=True)
+        lines = (f"{i},{x},{y},{p > 0},{t}" if is_pandas else f"{x},{y},{p},{t}" for i, (x, y, p, t) in enumerate(rows))
+        path.write_text((",x,y,p,t_us\n" if is_pandas else "%geometry:20,12\n") + "\n".join(lines))
+    else:
+        with h5py.File(path, "w") as file:
+            if path.name == "records.h5":
+                file["a/events"] = records
+            else:
+                for axis, column in columns.items():
+                    file.create_dataset(f"dvs/left/{axis}", data=column, chunks=(500,), compression="gzip")
+                file["dvs/left/calib/resolution"] = [20, 12]
+            if path.name == "frames.h5":
+                file["frame"], file["frame_ts"] = np.full((3, 12, 20), 900, "u2"), [0, 20_000, 40_000]
 
 
 @pytest.mark.parametrize("name", WRITTEN + MADE)

@@ -10,6 +10,7 @@ import pytest
 
 from etnet.errors import RecordingError
 from etnet.events import cache
+from etnet.events.formats import paged
 from etnet.events.formats.columns import BLOCK
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events
@@ -57,8 +58,8 @@ def test_the_polarity_coding_of_text_is_told(row, coding, tmp_path):
 def test_an_unusual_polarity_coding_is_refused_and_can_be_allowed(tmp_path):
     events = make_events(100)
     path = save(tmp_path / "a.npz", **columns_of(events) | {"p": np.arange(100) % 4})
-    with open_recording(path) as recording, pytest.raises(RecordingError, match="--polarity positive"):
-        all_events(recording)
+    with pytest.raises(RecordingError, match="--polarity positive"):
+        open_recording(path)
     with open_recording(path, assume=Assumptions(polarity="positive")) as recording:
         np.testing.assert_array_equal(all_events(recording).p, np.where(np.arange(100) % 4, 1, -1))
         assert "assumed: every polarity above 0 is ON, as stated" in said(recording)
@@ -113,11 +114,13 @@ def test_time_that_runs_back_is_refused_naming_the_event_and_sorted_on_demand(su
         assert "repaired: time ran back 1 times, first at event 50" in said(recording)
 
 
+@pytest.mark.parametrize("is_short", [True, False])
 @pytest.mark.parametrize("place", [BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK])
-def test_a_step_back_is_found_where_two_looks_meet(place, tmp_path):
+def test_a_step_back_is_found_where_two_looks_meet(place, is_short, tmp_path, monkeypatch):
+    monkeypatch.setattr(paged, "SHORT", paged.SHORT if is_short else 0)
     num_events = 2 * BLOCK + 5
-    events, t = make_events(num_events), np.arange(num_events)
-    t[place] -= 2
+    events, t = make_events(num_events), np.arange(num_events) * 1000
+    t[place] -= 2500
     path = save(tmp_path / "a.npz", **columns_of(events) | {"t": t})
     with pytest.raises(RecordingError, match=f"event {place} .*--sort"), open_recording(path) as recording:
         all_events(recording)
@@ -128,8 +131,8 @@ def test_a_stamp_that_is_no_time_is_named_wherever_it_stands(tmp_path):
     events, t = make_events(num_events), np.arange(num_events) / 1e6
     t[BLOCK + 7] = np.nan
     path = save(tmp_path / "a.npz", **columns_of(events) | {"t": t})
-    with open_recording(path) as recording, pytest.raises(RecordingError, match=f"stamp of event {BLOCK + 7} is nan"):
-        all_events(recording)
+    with pytest.raises(RecordingError, match=f"stamp of event {BLOCK + 7} is nan"):
+        open_recording(path)
 
 
 def test_small_steps_back_of_a_decoded_format_are_sorted_and_said(tmp_path):
@@ -153,7 +156,8 @@ def test_stray_events_beyond_a_stated_sensor_are_dropped_and_many_are_refused(tm
         assert recording.num_events == 5
 
 
-def test_a_paged_event_beyond_the_sensor_is_named(tmp_path):
+def test_of_a_long_paged_file_an_event_beyond_the_sensor_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(paged, "SHORT", 0)
     events = make_events(100)
     x = events.x.copy()
     x[70] = 33
@@ -162,6 +166,28 @@ def test_a_paged_event_beyond_the_sensor_is_named(tmp_path):
         all_events(recording)
     with open_recording(path, assume=Assumptions(drop_outside=True)) as recording:
         assert recording.num_events == 99
+
+
+@pytest.mark.parametrize("stray", [33, -1, 70_000])
+def test_one_stray_of_a_short_file_is_dropped_and_said_in_every_format(stray, tmp_path):
+    events = make_events(200)
+    x = events.x.astype(np.int32)
+    x[70] = stray
+    path = save(tmp_path / "a.npz", **columns_of(events) | {"x": x})
+    with open_recording(path) as recording:
+        assert recording.num_events == 199
+        assert "repaired: 1 events beyond the sensor 20×12" in said(recording)
+
+
+def test_dropping_more_than_strays_is_asked_for_and_loud(tmp_path):
+    events = make_events(200)
+    x = np.where(np.arange(200) < 50, -events.x.astype(np.int32) - 1, events.x)
+    path = save(tmp_path / "a.npz", **columns_of(events) | {"x": x})
+    with pytest.raises(RecordingError, match=r"so are 50 of 200.*--drop-outside"):
+        open_recording(path)
+    with open_recording(path, assume=Assumptions(drop_outside=True)) as recording:
+        assert recording.num_events == 150
+        assert "advice: --drop-outside left out 50 of 200 events (25.0%)" in said(recording)
 
 
 @pytest.mark.parametrize(
@@ -189,7 +215,7 @@ def test_a_file_that_cannot_be_read_says_what_and_why(name, content, match, tmp_
 def test_missing_files_and_things_that_are_no_files_are_refused(tmp_path):
     with pytest.raises(RecordingError, match="no such file"):
         open_recording(tmp_path / "nothing.h5")
-    with pytest.raises(RecordingError, match="no known format"):
+    with pytest.raises(RecordingError, match="an empty folder"):
         open_recording(tmp_path)
     os.mkfifo(tmp_path / "pipe.txt")
     with pytest.raises(RecordingError, match="neither a file nor a folder"):

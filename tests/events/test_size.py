@@ -87,6 +87,7 @@ def test_evt3_words_in_blocks_are_read_as_one_after_the_other(seed, cuts, has_ve
         found.append(np.stack([decoded.x, decoded.y, decoded.t, decoded.p], 1).astype(np.int64))
     np.testing.assert_array_equal(np.concatenate(found), slow_evt3(words))
     assert (skimmed, told, num_skimmed) == (state, notes, sum(map(len, found)))
+    np.testing.assert_array_equal(told.triggers.rows, notes.triggers.rows)
 
 
 @settings(max_examples=40, deadline=None)

@@ -87,3 +87,76 @@ def e2vid(voxels: list[np.ndarray], weights: Weights, num_residuals: int, skips:
         x = x + head if skips else x
         outputs.append(convolve(x, weights, "pred.conv2d"))
     return outputs
+
+
+def normalised(x: np.ndarray, weights: Weights, name: str, groups: int = 1) -> np.ndarray:
+    """Mean 0 and variance 1 over each group of channels and the whole image, then gain and offset."""
+    parts = x.reshape(groups, -1)
+    parts = (parts - parts.mean(1, keepdims=True)) / np.sqrt(parts.var(1, keepdims=True) + 1e-5)
+    return parts.reshape(x.shape) * weights[f"{name}.weight"][:, None, None] + weights[f"{name}.bias"][:, None, None]
+
+
+def conv_norm(x: np.ndarray, weights: Weights, name: str, is_active: bool = True) -> np.ndarray:
+    y = normalised(convolve(x, weights, f"{name}.convna.0"), weights, f"{name}.convna.1")
+    return y * sigmoid(y) if is_active else y
+
+
+def product(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    return np.einsum("chw,oc->ohw", x, kernel[:, :, 0, 0])
+
+
+def stretched(x: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Bilinear, corners on corners."""
+    for axis, count in zip((1, 2), size, strict=True):
+        places = np.linspace(0, x.shape[axis] - 1, count) if count > 1 else np.zeros(1)
+        low = np.minimum(places.astype(int), max(0, x.shape[axis] - 2))
+        share = (places - low).reshape([-1 if a == axis else 1 for a in range(3)])
+        high = np.minimum(low + 1, x.shape[axis] - 1)
+        x = np.take(x, low, axis) * (1 - share) + np.take(x, high, axis) * share
+    return x
+
+
+def pie_net(voxels: list[np.ndarray], weights: Weights, pools: tuple[int, ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Frames and variances from a cold start, on weights under the package's names; refining blocks run if present."""
+    memories: list = [None] * len(pools)
+    frame, variance, results = np.zeros((1, *voxels[0].shape[1:])), None, []
+    for voxel in voxels:
+        e = conv_norm(voxel, weights, "model.stem.event_branch.mbconv")
+        f = conv_norm(frame, weights, "model.stem.frame_branch.mbconv")
+        described = np.concatenate([e.mean((1, 2)), f.mean((1, 2))])[:, None, None]
+        x, skips = e + f, []
+        for i, pool in enumerate(pools):
+            name = f"model.downs.{i}"
+            size = len(weights[f"{name}.mbd.norm_h.weight"])
+            empty = np.zeros((size, *x.shape[1:]))
+            h, c = memories[i] or (empty, empty)
+            wide = conv_norm(np.concatenate([x, h]), weights, f"{name}.mbd.Gates.mbconv.0")
+            squeezed = relu(product(wide.mean((1, 2), keepdims=True), weights[f"{name}.mbd.Gates.mbconv.1.fc1.weight"]))
+            wide = wide * sigmoid(product(squeezed, weights[f"{name}.mbd.Gates.mbconv.1.fc2.weight"]))
+            enter, forget, out, cell = np.split(conv_norm(wide, weights, f"{name}.mbd.Gates.mbconv.2", False), 4)
+            c = sigmoid(forget) * c + sigmoid(enter) * np.tanh(cell)
+            c = normalised(c, weights, f"{name}.mbd.norm_c", 4)
+            h = normalised(sigmoid(out) * np.tanh(c), weights, f"{name}.mbd.norm_h", 4)
+            memories[i], x = (h, c), h
+            if f"{name}.out.mbconv_0.mbconv.convna.0.weight" in weights:
+                x = x + conv_norm(x, weights, f"{name}.out.mbconv_0.mbconv")
+            scale, shift = np.split(convolve(described, weights, f"{name}.film.film"), 2)
+            x = x * (1 + scale) + shift
+            skips.append(x)
+            rows, columns = x.shape[1] // pool, x.shape[2] // pool
+            x = x[:, : rows * pool, : columns * pool].reshape(len(x), rows, pool, columns, pool).max((2, 4))
+        for i, (pool, skip) in enumerate(zip(reversed(pools), reversed(skips), strict=True)):
+            x = stretched(x, (x.shape[1] * pool, x.shape[2] * pool))
+            down, across = skip.shape[1] - x.shape[1], skip.shape[2] - x.shape[2]
+            x = np.pad(x, ((0, 0), (down // 2, down - down // 2), (across // 2, across - across // 2)))
+            if variance is not None:
+                seen = stretched(variance, skip.shape[1:])
+                skip = skip * sigmoid(convolve(seen, weights, f"model.ups.{i}.ugate.gate_conv"))
+            x = conv_norm(np.concatenate([skip, x]), weights, f"model.ups.{i}.fuse.0.mbconv")
+        latent = convolve(x, weights, "model.outc")
+        k = relu(conv_norm(latent, weights, "cal_k.mbconv"))
+        mean, spread, reference = np.split(relu(latent), 3)
+        frame = np.clip((reference + k) * mean - k, 0, 1)
+        variance = (reference + k) ** 2 * spread
+        results.append((frame, variance))
+    return results

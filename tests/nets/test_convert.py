@@ -127,9 +127,9 @@ def test_weights_come_back_with_their_configuration_and_card(tmp_path: Path):
 
 def test_the_default_model_loads_and_etnet_says_how_to_convert():
     assert load_model().config == PRESETS["etnet-half"]
-    with pytest.raises(WeightsError, match=r"etnet convert official\.pth"):
+    with pytest.raises(WeightsError, match=r"etnet convert CHECKPOINT\.pth etnet"):
         load_model("etnet")
-    with pytest.raises(WeightsError, match="bundled are etnet-half"):
+    with pytest.raises(WeightsError, match="bundled are etnet-half, pie-net-lite"):
         load_model("nonsense")
 
 

@@ -1,5 +1,8 @@
 """ET-Net: sizes, the split into encode and decode, padding, ablations."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,11 +11,11 @@ from hypothesis import strategies as st
 
 from etnet.errors import ModelError
 from etnet.nets.attention import AttentionProbe
-from etnet.nets.etnet import ETNet, ETNetConfig
+from etnet.nets.etnet import ETNet, ETNetConfig, squashed
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.padding import TokenGrid, crop_to_sensor, pad_to_grid
 from etnet.nets.positions import Placement, grid_positions, raster_positions
-from etnet.nets.presets import build_model, num_parameters
+from etnet.nets.presets import PRESETS, build_model, num_parameters
 from etnet.nets.runtime import Runtime, apply_runtime
 
 
@@ -187,3 +190,17 @@ def test_wrong_bins_and_impossible_configurations_are_refused():
         ETNet(ETNetConfig(dim=128))
     with pytest.raises(ModelError, match="preset"):
         build_model("nope")
+
+
+def test_large_counts_are_squashed_where_the_network_says_so():
+    counts = torch.tensor([-100.0, -0.01, 0.0, 0.01, 4.0, 100.0]).view(1, 1, 1, 6)
+    small = squashed(counts, 4.0)
+    torch.testing.assert_close(small[..., 1:4], counts[..., 1:4], atol=1e-4, rtol=0)
+    assert small.abs().max() < 4 * math.log(27)
+    torch.testing.assert_close(squashed(-counts, 4.0), -small)
+    plain, bounded = build_model("tiny"), build_model(replace(PRESETS["tiny"], squash=4.0))
+    voxel = torch.full((1, 5, 16, 16), 50.0)
+    assert not torch.equal(plain(voxel).frame, bounded(voxel).frame)
+    state = bounded(voxel).state
+    step = bounded(voxel, state)
+    assert torch.equal(bounded.decode(bounded.pyramid(voxel, step.state))[0], step.frame)

@@ -12,10 +12,10 @@ from etnet.errors import Cancelled
 from etnet.events.edit import EventEdit
 from etnet.events.recording import Recording, recording_of_events
 from etnet.nets.attention import AttentionProbe
-from etnet.nets.base import kept_alive
 from etnet.nets.etnet import ETNet
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
+from etnet.nets.storage import kept_alive
 from etnet.playback.frames import Frames
 from etnet.playback.playback import Playback
 from etnet.reconstruction import window_voxel

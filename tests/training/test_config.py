@@ -13,8 +13,10 @@ from tests.training.micro import micro
 
 
 def test_values_that_cannot_be_are_refused_by_name():
-    with pytest.raises(TrainingError, match=r"Stage\.updates is 0"):
-        Stage(0)
+    with pytest.raises(TrainingError, match=r"Stage\.updates is -1"):
+        Stage(-1)
+    with pytest.raises(TrainingError, match="hold no update"):
+        TrainConfig(Path("x"), stages=(Stage(0), Stage(0)))
     with pytest.raises(TrainingError, match="at least 32 pixels"):
         Stage(1, size=(16, 16))
     with pytest.raises(TrainingError, match=r"truncate is 7; it has to divide the 40 windows"):
@@ -28,6 +30,12 @@ def test_stages_follow_each_other(tmp_path: Path):
     assert [config.stage_at(update) for update in range(5)] == [(0, 0), (0, 1), (1, 0), (1, 1), (1, 2)]
     with pytest.raises(TrainingError, match="ends after 5 updates; there is no update 5"):
         config.stage_at(5)
+
+
+def test_a_stage_without_updates_is_left_out(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(0), Stage(2), Stage(0)))
+    assert [config.stage_at(update) for update in range(2)] == [(1, 0), (1, 1)]
+    assert parse(["--stages.1.updates", "0"], "etnet train").train.updates == RECIPES["half"].stages[0].updates
 
 
 @pytest.mark.parametrize("name", RECIPES)
@@ -53,7 +61,7 @@ def test_the_command_line_changes_any_field():
 
 def test_an_unknown_recipe_is_one_line(capsys: pytest.CaptureFixture[str]):
     assert main(["train", "--config", "huge"]) == 1
-    assert capsys.readouterr().err == "etnet: --config is huge; there are paper, half, tiny\n"
+    assert capsys.readouterr().err == "etnet: --config is huge; there are paper, half, wide, tiny\n"
 
 
 def test_bf16_is_refused_where_it_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

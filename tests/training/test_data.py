@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from etnet.training.augment import Clip, augment
-from etnet.training.config import AugmentConfig, Stage
-from etnet.training.data import ClipSource, slot_at, stretches
+from etnet.training.config import AugmentConfig, DataConfig, Stage
+from etnet.training.data import ClipSource, drawn_config, sequence_config, slot_at, stretches
 from tests.training.micro import micro
 
 
@@ -103,3 +103,26 @@ def test_noise_and_hot_pixels_have_the_size_that_was_asked_for():
     assert 0 < lit[0, 0].mean() <= 0.05
     assert (hot.voxels == hot.voxels[0, 0]).all()
     assert not clip.voxels.any()
+
+
+def test_density_and_tone_are_drawn_for_each_clip(tmp_path: Path):
+    config = micro(tmp_path, data=DataConfig(windows=4, workers=0, density=(0.05, 5.0), gamma_share=0.3))
+    drawn = [drawn_config(config, (40, 48), np.random.default_rng(seed)) for seed in range(300)]
+    aims = np.array([wanted.scene.density for wanted, _ in drawn])
+    assert aims.min() < 0.08
+    assert aims.max() > 3
+    assert np.log(aims).mean() == pytest.approx(np.log(0.5), abs=0.25)
+    assert all((wanted.target_tone == "srgb") == is_gamma for wanted, is_gamma in drawn)
+    assert 0.2 < np.mean([is_gamma for _, is_gamma in drawn]) < 0.4
+
+
+def test_without_them_clips_are_drawn_as_before(tmp_path: Path):
+    config = micro(tmp_path)
+    wanted, is_gamma = drawn_config(config, (40, 48), np.random.default_rng(0))
+    assert (wanted, is_gamma) == (sequence_config(config, (40, 48)), False)
+
+
+def test_a_gamma_coded_clip_is_marked_in_its_stretch(tmp_path: Path):
+    config = micro(tmp_path, data=DataConfig(windows=4, workers=0, gamma_share=1.0))
+    assert next(stretches(config, 0, [range(2)])).is_gamma == (True, True)
+    assert augment(ClipSource(config)[0, 0, 0], config.augment, np.random.default_rng(0)).is_gamma

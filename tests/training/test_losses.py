@@ -9,7 +9,16 @@ from etnet.simulation.config import SceneConfig, SequenceConfig
 from etnet.simulation.sequence import simulate_sequence
 from etnet.training.config import LossConfig
 from etnet.training.data import procedural_pool
-from etnet.training.losses import Pairs, drives_of, gradient_l1, score, silence, temporal_consistency, warp
+from etnet.training.losses import (
+    Pairs,
+    drives_of,
+    gradient_l1,
+    score,
+    silence,
+    temporal_consistency,
+    warp,
+    without_tone,
+)
 
 
 @pytest.fixture
@@ -103,3 +112,19 @@ def test_the_upsamplers_drives_are_seen_and_decoding_stays_as_it_was():
     assert [drive.shape[1] for drive in drives] == [16, 8, 4]
     model.decode(pyramid)
     assert len(drives) == 3
+
+
+def test_tone_is_forgiven_where_it_cannot_be_known():
+    generator = torch.Generator().manual_seed(0)
+    target = torch.rand(2, 1, 12, 16, generator=generator)
+    prediction = (0.4 * target + 0.1).requires_grad_()
+    fitted = without_tone(prediction, target, torch.tensor([True, False]))
+    torch.testing.assert_close(fitted[0], target[0], atol=1e-3, rtol=0)
+    assert torch.equal(fitted[1], prediction[1])
+    upside_down = without_tone(1 - target, target, torch.tensor([True, True]))
+    assert (upside_down - target).abs().mean() > 0.2
+    fitted.sum().backward()
+    assert prediction.grad is not None
+    assert torch.isfinite(prediction.grad).all()
+    flat = without_tone(torch.full_like(target, 0.5), target, torch.tensor([True, True]))
+    torch.testing.assert_close(flat.mean((1, 2, 3)), target.mean((1, 2, 3)))

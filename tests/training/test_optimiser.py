@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from torch import nn
 
 from etnet.nets.presets import build_model
+from etnet.training import optimiser
 from etnet.training.config import OptimiserConfig
 from etnet.training.optimiser import Muon, build_optimiser, orthogonalised
 
@@ -31,6 +32,27 @@ def test_orthogonalising_keeps_the_directions():
     assert along.min() > 0.4
     across = u.T @ orthogonalised(matrix)[0] @ vh.T - torch.diag(along)
     assert across.abs().max() < 1e-3
+
+
+@given(rows=st.integers(1, 24), wider=st.integers(2, 12), seed=st.integers(0, 2**20))
+def test_iterating_on_the_gram_matrix_is_the_same_polynomial(rows: int, wider: int, seed: int):
+    generator = torch.Generator().manual_seed(seed)
+    x = torch.randn(3, rows, rows * wider, generator=generator)
+    x = x / torch.linalg.matrix_norm(x, keepdim=True)
+    torch.testing.assert_close(optimiser._by_gram(x), optimiser._by_matrix(x), atol=2e-5, rtol=0)
+
+
+def test_parameters_without_a_gradient_stay_and_join_later():
+    first, second = nn.Parameter(torch.ones(3)), nn.Parameter(torch.ones(3))
+    muon = Muon([{"params": [first, second], "blocks": 0}], weight_decay=0.0)
+    first.grad = torch.ones(3)
+    muon.step()
+    assert torch.equal(second, torch.ones(3))
+    second.grad = torch.ones(3)
+    muon.step()
+    assert muon.state[first]["count"] == 2
+    assert muon.state[second]["count"] == 1
+    torch.testing.assert_close(second.detach(), torch.full((3,), 1 - 1e-3))
 
 
 def test_the_size_of_gradients_does_not_matter():
@@ -59,19 +81,19 @@ def test_what_is_no_matrix_moves_as_under_adamw():
 
 def test_every_parameter_is_in_one_group():
     model, reader = build_model("tiny"), nn.Linear(3, 2)
-    optimiser = build_optimiser(model, reader.parameters(), OptimiserConfig(kind="muon"))
-    grouped = [parameter for group in optimiser.param_groups for parameter in group["params"]]
+    muon = build_optimiser(model, reader.parameters(), OptimiserConfig(kind="muon"))
+    grouped = [parameter for group in muon.param_groups for parameter in group["params"]]
     assert len(grouped) == len(set(grouped))
     assert set(grouped) == {*model.parameters(), *reader.parameters()}
     ends = {*model.head.parameters(), *model.tail.parameters()}
-    assert all(group["blocks"] == 0 for group in optimiser.param_groups if ends & set(group["params"]))
-    assert all((group["rate_share"] < 1) == (group["blocks"] == 0) for group in optimiser.param_groups)
+    assert all(group["blocks"] == 0 for group in muon.param_groups if ends & set(group["params"]))
+    assert all((group["rate_share"] < 1) == (group["blocks"] == 0) for group in muon.param_groups)
 
 
 def test_moments_survive_a_checkpoint(tmp_path: Path):
-    def one_step(optimiser: Muon, weight: nn.Parameter, seed: int) -> None:
+    def one_step(muon: Muon, weight: nn.Parameter, seed: int) -> None:
         weight.grad = torch.randn(4, 5, generator=torch.Generator().manual_seed(seed))
-        optimiser.step()
+        muon.step()
 
     whole = nn.Parameter(torch.zeros(4, 5))
     first = Muon([{"params": [whole], "blocks": 1}], weight_decay=0.0)

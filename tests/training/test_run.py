@@ -13,8 +13,9 @@ import pytest
 import torch
 
 from etnet.nets.weights import load_weights, save_weights
+from etnet.training import loop
 from etnet.training.checkpoint import LAST, load_checkpoint, save_checkpoint
-from etnet.training.config import LossConfig, OptimiserConfig, Stage, TrainingError, ValidationConfig
+from etnet.training.config import DataConfig, LossConfig, OptimiserConfig, Stage, TrainingError, ValidationConfig
 from etnet.training.distributed import World
 from etnet.training.export import exported
 from etnet.training.log import read_log
@@ -236,3 +237,39 @@ def test_learning_rates_follow_their_schedules():
     )
     paper = OptimiserConfig(learning_rate=2e-4, warm_up=0, schedule="exponential", decay=0.99, decay_updates=140)
     assert learning_rate_at(paper, 280, 10**6) == pytest.approx(2e-4 * 0.99**2)
+
+
+def test_auto_precision_is_the_faster_one_and_stays_when_a_run_is_taken_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    config = micro(tmp_path / "run", precision="auto", stages=(Stage(2, size=(40, 48)),))
+    monkeypatch.setattr(loop, "bf16_is_worth_trying", lambda: True)
+    monkeypatch.setattr(loop, "trial_seconds", lambda config: {"fp32": 1.0, "bf16": 2.0}[config.precision])
+    assert loop.train(config).config.precision == "fp32"
+    monkeypatch.setattr(loop, "trial_seconds", lambda config: {"fp32": 2.0, "bf16": 1.0}[config.precision])
+    last = config.out / "last.pt"
+    assert loop.decided(config, World(), last).precision == "fp32"
+    assert loop.decided(config, World(), tmp_path / "none").precision == "bf16"
+    assert loop.decided(config, World(size=2), tmp_path / "none").precision == "fp32"
+    assert loop.train(config).update == 2
+
+
+def test_a_trial_update_is_timed_and_leaves_nothing_behind(tmp_path: Path):
+    config = micro(tmp_path / "run")
+    assert loop.trial_seconds(config, updates=1) > 0
+    assert not config.out.exists()
+
+
+def test_a_run_on_gamma_coded_clips_logs_scores_by_density(tmp_path: Path):
+    validation = ValidationConfig(every=2, clips=1, windows=2, size=(40, 48), other_densities=(1.0,))
+    data = DataConfig(windows=4, workers=0, gamma_share=1.0, density=(0.1, 2.0))
+    config = micro(
+        tmp_path / "run",
+        validation=validation,
+        data=data,
+        loss=LossConfig(num_scored=1, context=1.0),
+        stages=(Stage(2, size=(40, 48)),),
+    )
+    loop.train(config)
+    lines = [line for line in read_log(config.out) if line["kind"] == "validation"]
+    assert [set(line["affine_by_density"]) for line in lines] == [{"linear 1", "gamma 1"}] * 2

@@ -11,7 +11,7 @@ from app.views.export.state import ExportFormat, StartExport, arrays_of
 from app.views.page import Page
 from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import View
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Policy
+from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
 _KINDS: dict[ExportFormat, str] = {
     "mp4": "video", "gif": "gif", "png": "frames", "page": "page", "npz": "arrays", "h5": "arrays", "csv": "csv",
@@ -62,6 +62,12 @@ def policy_text(policy: Policy) -> str:
             return f"density={events_per_pixel!r}"
         case ByDuration(duration, stride):
             return f"duration={_time(duration)}" + ("" if stride is None else f"/{_time(stride)}")
+        case ByCountOrDuration(num_events, duration):
+            return f"count={num_events},duration={_time(duration)}"
+        case ByActivity(active_pixels):
+            return f"active={active_pixels!r}"
+        case ByStamps():
+            return "stamps"
 
 
 def _time(microseconds: int) -> str:

@@ -10,14 +10,9 @@ from threading import Lock
 from typing import Protocol, cast, runtime_checkable
 
 from etnet.errors import RecordingError
+from etnet.events.formats.bounds import MAX_SMALL_FILE, is_bomb
 
 MAX_MEMBERS = 200_000
-MAX_RATIO = 200
-"""A member that grows more than this, and beyond FREE_SIZE, is taken for a bomb; event text grows about fivefold."""
-
-FREE_SIZE = 256 << 20
-MAX_SMALL_FILE = 64 << 20
-"""Largest picture or table that is read whole."""
 
 
 def is_litter(name: str) -> bool:
@@ -102,9 +97,11 @@ class ZipStore:
         if len(members) > MAX_MEMBERS:
             raise RecordingError(f"{path.name}: {len(members)} members; at most {MAX_MEMBERS} are read")
         files = (member for member in members if not member.is_dir())
-        self._members = {member.filename: member for member in files if not is_litter(member.filename)}
+        # Some programs on Windows write the folders of a name with backslashes.
+        named = ((member.filename.replace("\\", "/"), member) for member in files)
+        self._members = {name: member for name, member in named if not is_litter(name) and not name.endswith("/")}
         for member in self._members.values():
-            if member.file_size > max(FREE_SIZE, MAX_RATIO * member.compress_size):
+            if is_bomb(member.compress_size, member.file_size):
                 raise RecordingError(
                     f"{path.name}: {member.filename} would grow from {member.compress_size} to {member.file_size} "
                     "bytes, like a zip bomb; unpack it by hand if you trust it"
@@ -123,7 +120,7 @@ class ZipStore:
         if self._members[name].flag_bits & 1:
             raise RecordingError(f"{self._label}: {name} is encrypted; unpack it by hand")
         with self._lock:
-            return cast(BufferedIOBase, self._archive.open(name))
+            return cast(BufferedIOBase, self._archive.open(self._members[name]))
 
     def local_path(self, name: str) -> Path | None:
         """A member has no path of its own."""

@@ -12,6 +12,7 @@ from etnet.events.assumptions import Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Sensor
 from etnet.events.recording import EventSource, GroundTruth, Growth, Inertial, Remark, Span
+from etnet.events.triggers import Triggers
 
 HEAD_BYTES = 4096
 
@@ -52,6 +53,7 @@ class Opened:
     ground_truth: GroundTruth | None = None
     inertial: Inertial | None = None
     growth: Growth | None = None
+    triggers: Triggers | None = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ class Format:
     """One line of the table of formats. `suffixes` help only where the content leaves a choice.
 
     `is_known_by_content`: false where nothing but the suffix tells; such a format is taken where no other one fits.
+    `holds_events`: of a file that was recognised, whether events are in it; a table may hold anything.
     """
 
     name: str
@@ -66,6 +69,7 @@ class Format:
     recognises: Callable[[Request], bool]
     open: Callable[[Request], Opened]
     is_known_by_content: bool = True
+    holds_events: Callable[[Request], bool] = lambda _: True
 
 
 @dataclass
@@ -85,6 +89,10 @@ class Remarks:
     def assumed(self, text: str) -> None:
         """Taken for granted."""
         self.kept.append(Remark("assumed", text))
+
+    def advise(self, text: str) -> None:
+        """Doubtful: a person should look at it before the recording is trusted."""
+        self.kept.append(Remark("advice", text))
 
 
 @contextmanager

@@ -12,13 +12,19 @@ from io import BufferedIOBase
 from pathlib import Path
 
 from etnet.errors import RecordingError
-from etnet.events.formats.archive import FREE_SIZE, MAX_RATIO, ZipStore
+from etnet.events.formats.archive import ZipStore
 from etnet.events.formats.base import HEAD_BYTES, Format, Opened, Request, contained
+from etnet.events.formats.bounds import Unpacked
+from etnet.events.formats.foreign import called, listed
 from etnet.events.recording import Remark
+
+_SURE = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".hdf", ".bag", ".mcap", ".db3", ".bin", ".mat")
+RECORDING_SUFFIXES = (*_SURE, ".npz", ".npy", ".txt", ".csv")
+"""Of files that may be recordings; those at the end may be many other things as well."""
 
 _STEP = 1 << 20
 _MARKS = ((b"\x1f\x8b", "gzip"), (b"\xfd7zXZ\x00", "xz"), (b"BZh", "bzip2"))
-_INNER_SUFFIXES = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".bag", ".mcap", ".db3", ".bin", ".mat")
+_PACKED = (".zip", ".tar", ".gz", ".tgz", ".7z", ".rar", ".bz2", ".xz")
 
 OpenInner = Callable[[Request], Opened]
 
@@ -36,34 +42,37 @@ def _opened(path: Path, what: str) -> Iterator[BufferedIOBase]:
 
 def _unpack(request: Request, stream: BufferedIOBase, packed_bytes: int, name: str, what: str) -> Request:
     """Copy a stream to scratch; one that grows like a bomb is given up."""
-    limit = max(FREE_SIZE, MAX_RATIO * packed_bytes)
     path = request.scratch.path(name)
-    written = 0
+    unpacked = Unpacked(packed_bytes, f"{request.name}, {what}")
     with path.open("wb") as file:
         while True:
-            with contained(request.name, f"the {what} stream after {written} bytes"):
+            with contained(request.name, f"the {what} stream after {unpacked.num_bytes} bytes"):
                 block = stream.read(_STEP)
             if not block:
                 break
-            written += len(block)
-            if written > limit:
-                raise RecordingError(
-                    f"{request.name}: {packed_bytes} bytes of {what} grow beyond {limit}, like a bomb; "
-                    "unpack it by hand if you trust it"
-                )
+            unpacked.take(len(block))
             request.scratch.path(name, len(block))
             file.write(block)
-            request.progress(min(0.5, 0.5 * written / (4 * max(1, packed_bytes))))
-    if written == 0:
+            request.progress(min(0.5, 0.5 * unpacked.num_bytes / (4 * max(1, packed_bytes))))
+    if unpacked.num_bytes == 0:
         raise RecordingError(f"{request.name}: unpacked it is empty; there is nothing to open")
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
-    if _compression(head) is not None or head[:4] == b"PK\x03\x04":
-        raise RecordingError(f"{request.name}: an archive within an archive; unpack it once by hand")
-    return replace(request, path=path, head=head, members=())
+    inside = called(head)
+    members: tuple[str, ...] = ()
+    if head[:4] == b"PK\x03\x04":
+        members = ZipStore(path, request.resources).names()
+        is_npz = all(member.endswith(".npy") for member in members)
+        inside = inside if is_npz else "zip"
+    inside = inside or _compression(head)
+    if inside is not None:
+        raise RecordingError(
+            f"{request.name}: an archive within an archive ({inside} in {what}); unpack it and open what is in it"
+        )
+    return replace(request, path=path, head=head, members=members)
 
 
-def _said(opened: Opened, request: Request, what: str) -> Opened:
+def _said(opened: Opened, what: str) -> Opened:
     remark = Remark("detected", f"unpacked from {what}")
     return replace(opened, format=f"{opened.format} in {what}", remarks=(remark, *opened.remarks))
 
@@ -76,14 +85,14 @@ def packed_formats(open_inner: OpenInner) -> tuple[Format, ...]:
         with _opened(request.path, what) as stream:
             size = request.path.stat().st_size
             inner = _unpack(request, stream, size, request.path.stem or "unpacked", what)
-        return _said(open_inner(inner), request, what)
+        return _said(open_inner(inner), what)
 
     def open_zip(request: Request) -> Opened:
         store = ZipStore(request.path, request.resources)
-        member = _single(request.members)
+        member = _single(request.members, request.name)
         with contained(request.name, f"{member} in the zip"), store.open(member) as stream:
             inner = _unpack(request, stream, request.path.stat().st_size, member.rsplit("/", 1)[-1], "zip")
-        return _said(open_inner(inner), request, "zip")
+        return _said(open_inner(inner), "zip")
 
     return (
         Format(
@@ -92,11 +101,21 @@ def packed_formats(open_inner: OpenInner) -> tuple[Format, ...]:
             lambda r: _compression(r.head) is not None,
             open_compressed,
         ),
-        Format("zip", (".zip",), lambda r: r.head[:4] == b"PK\x03\x04" and bool(_single(r.members)), open_zip),
+        Format("zip", (".zip",), lambda r: r.head[:4] in (b"PK\x03\x04", b"PK\x05\x06"), open_zip),
     )
 
 
-def _single(members: tuple[str, ...]) -> str:
-    """The one recording in an archive, or nothing."""
-    fitting = [name for name in members if name.lower().endswith(_INNER_SUFFIXES)]
-    return fitting[0] if len(fitting) == 1 else ""
+def _single(members: tuple[str, ...], name: str) -> str:
+    """The one recording in an archive; an error that says what is in it if there are more or none."""
+    for suffixes in (_SURE, RECORDING_SUFFIXES):
+        fitting = [member for member in members if member.lower().endswith(suffixes)]
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            raise RecordingError(f"{name}: holds {listed(fitting)}; unpack it and open one of them")
+    packed = [member for member in members if member.lower().endswith(_PACKED)]
+    if packed:
+        raise RecordingError(
+            f"{name}: an archive within an archive ({listed(packed)}); unpack it and open what is in it"
+        )
+    raise RecordingError(f"{name}: a zip with {listed(members) or 'nothing in it'}; no recording is among that")

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int64, Integer, Shaped
+from jaxtyping import Integer, Shaped
 
 from etnet.errors import RecordingError
+from etnet.events.assumptions import TimeUnit
 from etnet.events.cache import Columns, ColumnSource, EventCache
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
-from etnet.events.formats.columns import (
-    LARGEST_STAMP,
+from etnet.events.formats.bounds import check_sensor
+from etnet.events.formats.columns import LARGEST_STAMP, is_ordered
+from etnet.events.formats.pixels import (
+    LARGEST_DEDUCED_SIDE,
+    Reach,
+    advise_on_pixels,
     deduced_sensor,
-    is_ordered,
-    pixel_column,
-    say_coding,
-    signed_polarity,
+    is_size_of_events,
+    placed,
 )
+from etnet.events.formats.polarity import Coding, say_coding, say_unusual, signed_polarity, unusual_coding
+from etnet.events.formats.stamp_order import Clock32, StampOrder
+from etnet.events.formats.time_unit import PER_SECOND, Evidence
 from etnet.events.recording import EventSource, Growth, Span
+from etnet.events.triggers import Triggers
 
 FEW = 0.01
 """The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
-
-SMALL_STEP_BACK = 1000
-"""µs. Cameras' own clocks step back this little between packets; more is a fault that a person must decide about."""
 
 
 class Decoded(NamedTuple):
@@ -49,47 +53,28 @@ class Collected:
     sensor: Sensor
     span: Span
     growth: Growth | None = None
+    triggers: Triggers | None = None
 
 
 @dataclass
-class _Order:
-    """What was seen of the stamps' order so far."""
+class _Strays:
+    """Events that lie beyond the sensor or nowhere at all."""
 
-    last: int | None = None
-    num_back: int = 0
-    first_back: int = 0
-    farthest: int = 0
-
-    def look(self, t: Int64[np.ndarray, " n"], index: int, ordered: bool) -> None:
-        """Take in a piece whose first event is number `index`; `ordered` if it never steps back within itself."""
-        before = int(t[0]) if self.last is None else self.last
-        self.last = int(t[-1])
-        if ordered and t[0] >= before:
-            return
-        steps = np.diff(t, prepend=before)
-        if self.num_back == 0:
-            self.first_back = index + int(np.argmax(steps < 0))
-        self.num_back += int(np.count_nonzero(steps < 0))
-        self.farthest = max(self.farthest, -int(steps.min()))
-
-
-@dataclass
-class _Stray:
-    """Events beyond the sensor, and how far any event reaches."""
-
-    reach_x: int = -1
-    reach_y: int = -1
+    reach: Reach
     num_outside: int = 0
     first: int = 0
 
-    def weed(self, columns: Columns, sensor: Sensor | None, index: int) -> int:
+    def weed(self, columns: Columns, nowhere: np.ndarray | None, sensor: Sensor | None, index: int) -> int:
         """Move the events inside the sensor to the front of `columns`; how many they are."""
         count = len(columns.t)
-        furthest_x, furthest_y = int(columns.x.max()), int(columns.y.max())
-        self.reach_x, self.reach_y = max(self.reach_x, furthest_x), max(self.reach_y, furthest_y)
-        if sensor is None or (furthest_x < sensor.width and furthest_y < sensor.height):
+        inside = None if nowhere is None else ~nowhere
+        somewhere = (columns.x, columns.y) if inside is None else (columns.x[inside], columns.y[inside])
+        self.reach.look(*somewhere)
+        if sensor is not None and (self.reach.high_x >= sensor.width or self.reach.high_y >= sensor.height):
+            on_it = (columns.x < sensor.width) & (columns.y < sensor.height)
+            inside = on_it if inside is None else inside & on_it
+        if inside is None or inside.all():
             return count
-        inside = (columns.x < sensor.width) & (columns.y < sensor.height)
         kept = int(np.count_nonzero(inside))
         if self.num_outside == 0:
             self.first = index + int(np.argmin(inside))
@@ -99,38 +84,114 @@ class _Stray:
         return kept
 
 
-def collect(request: Request, pieces: Iterable[Decoded], declared: Sensor | None, remarks: Remarks) -> Collected:
-    """Decode all pieces into the cache. `declared` is the sensor as the file has it; a stated one wins over it."""
+@dataclass
+class _Filling:
+    """Turns pieces into columns that stay; what it learns of the clock and the polarity serves the next ones."""
+
+    request: Request
+    clock: Clock32
+    coding: Coding | None = None
+    lowest: float = 2
+    is_first: bool = True
+
+    def fill(self, columns: Columns, piece: Decoded, index: int) -> tuple[bool, np.ndarray | None]:
+        """Put a piece where it stays; whether its stamps are in order, and which events lie nowhere."""
+        name = self.request.name
+        x, y, nowhere = placed(piece.x, piece.y, self.request.assume.pixels, name)
+        columns.x[:], columns.y[:] = x, y
+        if self.is_first and piece.p.dtype.kind in "iuf" and len(piece.p):
+            self.is_first, self.coding = False, unusual_coding(piece.p.min().item(), piece.p.max().item())
+        signed_polarity(piece.p, self.request.assume, name, columns.p, coding=self.coding)
+        # A stamp of 64 bits without a sign that does not fit becomes negative here, and is told by it.
+        stamps = piece.t.view(np.int64) if piece.t.dtype == np.uint64 else piece.t
+        columns.t[:] = stamps
+        ordered = is_ordered(columns.t)
+        low, high = (columns.t[0], columns.t[-1]) if ordered else (columns.t.min(), columns.t.max())
+        if low <= -LARGEST_STAMP or high >= LARGEST_STAMP or (low < 0 and piece.t.dtype.kind == "u"):
+            raise RecordingError(f"{name}: stamps after event {index} are no time; the file is damaged there")
+        unrolled = self.clock.unrolled(columns.t, ordered)
+        if unrolled is not columns.t:
+            columns.t[:] = unrolled
+            ordered = is_ordered(columns.t)
+        return ordered, nowhere
+
+
+def collect(
+    request: Request,
+    pieces: Iterable[Decoded],
+    declared: Sensor | None,
+    remarks: Remarks,
+    unit: Callable[[Evidence], TimeUnit] | None = None,
+    taken: TimeUnit = "us",
+    frames: Sensor | None = None,
+) -> Collected:
+    """Decode all pieces into the cache. `declared` is the sensor as the file has it; a stated one wins over it.
+
+    `frames` is the size of the camera's pictures, which is that of the sensor where nothing speaks against it.
+    `unit` judges, once all events are known, what their stamps count, which were taken to count `taken`.
+    """
     cache = EventCache(request.scratch)
     sensor = stated_sensor(request, declared, remarks)
-    order, stray, lowest = _Order(), _Stray(), 2
+    order, strays, filling = StampOrder(), _Strays(Reach()), _Filling(request, Clock32())
     for whole in pieces:
         if whole.p.dtype.kind in "iu":
-            lowest = min(lowest, int(whole.p.min(initial=2)))
+            filling.lowest = min(filling.lowest, int(whole.p.min(initial=2)))
         for piece in _parts(whole, cache.capacity):
             columns = cache.room(len(piece.t))
-            ordered = _fill(columns, piece, request, cache.num_events)
-            kept = stray.weed(columns, sensor, cache.num_events)
+            ordered, nowhere = filling.fill(columns, piece, cache.num_events)
+            kept = strays.weed(columns, nowhere, sensor, cache.num_events)
             if kept:
                 order.look(columns.t[:kept], cache.num_events, ordered)
             cache.keep(kept)
         request.progress(min(whole.fraction, 0.99))
-    if sensor is None:
-        if cache.num_events == 0:
-            raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-        sensor = deduced_sensor(stray.reach_x, stray.reach_y, request.name, remarks)
-    if lowest < 2 and request.assume.polarity != "positive":
-        say_coding(lowest, False, remarks)
-    _judge_outside(stray, cache.num_events, sensor, request, remarks)
+    sensor = _sensor_of(strays, sensor, frames, cache.num_events, request, remarks)
+    if filling.coding is not None and request.assume.polarity != "positive":
+        say_unusual(filling.coding, remarks)
+    elif filling.lowest < 2 and request.assume.polarity != "positive":
+        say_coding(filling.lowest, False, remarks)
+    if filling.clock.turns:
+        say_unrolled(remarks)
+    if unit is not None and order.first is not None:
+        _rescale(cache, order, sensor, unit, taken)
     columns = _ordered(cache, order, request, remarks)
     request.progress(1.0)
     span = Span(int(columns.t[0]), int(columns.t[-1])) if len(columns.t) else Span(0, 0)
     return Collected(ColumnSource(columns, sensor), sensor, span)
 
 
+def say_unrolled(remarks: Remarks) -> None:
+    """That a clock of 32 bits went on where it began anew; once."""
+    text = "the 32-bit stamps begin anew (every 71.6 minutes) and were unrolled"
+    if not any(remark.text == text for remark in remarks.kept):
+        remarks.repaired(text)
+
+
+def _rescale(
+    cache: EventCache, order: StampOrder, sensor: Sensor, unit: Callable[[Evidence], TimeUnit], taken: TimeUnit
+) -> None:
+    """Turn stamps that were taken for `taken` into what they are found to be; exact, for units are powers of ten."""
+    per_microsecond = PER_SECOND[taken] / 10**6
+    first, last = (stamp * per_microsecond for stamp in (order.first or 0, order.highest))
+    found = unit(Evidence(cache.num_events, first, last, sensor.num_pixels, taken == "s"))
+    if found == taken:
+        return
+    up, down = PER_SECOND[taken], PER_SECOND[found]
+    cache.map_stamps(lambda t: t * (up // down) if up >= down else _divided(t, down // up))
+    order.scale(up / down)
+
+
+def _divided(t: np.ndarray, by: int) -> np.ndarray:
+    """Rounded half to even."""
+    whole, rest = np.divmod(t, by)
+    return whole + ((2 * rest > by) | ((2 * rest == by) & ((whole & 1) == 1)))
+
+
 def stated_sensor(request: Request, declared: Sensor | None, remarks: Remarks) -> Sensor | None:
-    """The sensor a person states, else the one the file declares."""
+    """The sensor a person states, else the one the file declares; an error for one with more pixels than allowed."""
     stated = request.assume.sensor
+    sensor = declared if stated is None else stated
+    if sensor is not None:
+        check_sensor(sensor, request.name, request.assume.max_pixels)
     if stated is None:
         return declared
     was = f"; the file says {declared}" if declared is not None and declared != stated else ""
@@ -146,46 +207,59 @@ def _parts(piece: Decoded, capacity: int) -> Iterator[Decoded]:
         yield Decoded(x[part], y[part], t[part], p[part], fraction)
 
 
-def _fill(columns: Columns, piece: Decoded, request: Request, index: int) -> bool:
-    """Put a piece where it stays; whether its stamps are in order."""
-    columns.x[:] = pixel_column(piece.x, "x", request.name)
-    columns.y[:] = pixel_column(piece.y, "y", request.name)
-    signed_polarity(piece.p, request.assume, request.name, columns.p)
-    # A stamp of 64 bits without a sign that does not fit becomes negative here, and is told by it.
-    columns.t[:] = piece.t.view(np.int64) if piece.t.dtype == np.uint64 else piece.t
-    ordered = is_ordered(columns.t)
-    low, high = (columns.t[0], columns.t[-1]) if ordered else (columns.t.min(), columns.t.max())
-    if low <= -LARGEST_STAMP or high >= LARGEST_STAMP or (low < 0 and piece.t.dtype.kind == "u"):
-        raise RecordingError(f"{request.name}: stamps after event {index} are no time; the file is damaged there")
-    return ordered
+def _sensor_of(
+    strays: _Strays,
+    sensor: Sensor | None,
+    frames: Sensor | None,
+    num_kept: int,
+    request: Request,
+    remarks: Remarks,
+) -> Sensor:
+    reach = strays.reach
+    is_whole = request.assume.pixels == "whole"
+    too_far = max(reach.high_x, reach.high_y) >= LARGEST_DEDUCED_SIDE if sensor is None else strays.num_outside > 0
+    if is_whole and too_far and reach.is_fixed_point:
+        raise RecordingError(f"{request.name}: {reach.fixed_point_fault()}")
+    if sensor is None:
+        if num_kept == 0:
+            raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
+        if frames is not None and is_size_of_events(reach, frames):
+            remarks.detected(f"sensor {frames}, the size of the pictures")
+            return frames
+        sensor = deduced_sensor(reach.high_x, reach.high_y, request.name, remarks)
+        check_sensor(sensor, request.name, request.assume.max_pixels)
+        if is_whole:
+            advise_on_pixels(reach, sensor, remarks)
+    _judge_outside(strays, num_kept, sensor, request, remarks)
+    return sensor
 
 
-def _judge_outside(stray: _Stray, num_kept: int, sensor: Sensor, request: Request, remarks: Remarks) -> None:
+def _judge_outside(strays: _Strays, num_kept: int, sensor: Sensor, request: Request, remarks: Remarks) -> None:
     """A few stray events are dropped and said so; if they are many, the size or the format is wrong."""
-    if stray.num_outside == 0:
+    if strays.num_outside == 0:
         return
-    num_all, reach = num_kept + stray.num_outside, f"up to ({stray.reach_x}, {stray.reach_y})"
-    if not request.assume.drop_outside and stray.num_outside > FEW * num_all:
+    num_all, reach = num_kept + strays.num_outside, f"up to ({strays.reach.high_x}, {strays.reach.high_y})"
+    is_many = strays.num_outside > FEW * num_all
+    if is_many and not request.assume.drop_outside:
         raise RecordingError(
-            f"{request.name}: {stray.num_outside} of {num_all} events lie beyond {sensor}, {reach}; state the size "
+            f"{request.name}: {strays.num_outside} of {num_all} events lie beyond {sensor}, {reach}; state the size "
             "with --assume width=…,height=… or leave them out with --drop-outside"
         )
-    remarks.repaired(
-        f"{stray.num_outside} events beyond the sensor {sensor}, {reach}, were left out; "
-        f"the first came before event {stray.first}"
-    )
-
-
-def _ordered(cache: EventCache, order: _Order, request: Request, remarks: Remarks) -> Columns:
-    if order.num_back == 0:
-        return cache.columns()
-    if order.farthest > SMALL_STEP_BACK and not request.assume.sort:
-        raise RecordingError(
-            f"{request.name}: time runs back {order.num_back} times, first at event {order.first_back}, "
-            f"by up to {order.farthest} µs; open it with --sort"
+    if is_many:
+        remarks.advise(
+            f"--drop-outside left out {strays.num_outside:,} of {num_all:,} events "
+            f"({strays.num_outside / num_all:.1%}): is the sensor really {sensor}?"
         )
     remarks.repaired(
-        f"time ran back {order.num_back} times, first at event {order.first_back}, by up to {order.farthest} µs; "
-        "the events were sorted by stamp"
+        f"{strays.num_outside} events beyond the sensor {sensor}, {reach}, were left out; "
+        f"the first came before event {strays.first}"
     )
+
+
+def _ordered(cache: EventCache, order: StampOrder, request: Request, remarks: Remarks) -> Columns:
+    if order.is_ordered:
+        return cache.columns()
+    if not order.is_small and not request.assume.sort:
+        raise RecordingError(f"{request.name}: {order.fault()}")
+    remarks.repaired(order.repair())
     return cache.sorted_columns()

@@ -12,9 +12,13 @@ from jaxtyping import Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request, contained
-from etnet.events.formats.columns import deduced_sensor, is_ordered, pixel_column, say_coding, signed_polarity
+from etnet.events.formats.bounds import check_sensor
+from etnet.events.formats.columns import is_ordered
 from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
+from etnet.events.formats.pixels import LARGEST_DEDUCED_SIDE, advise_on_pixels, deduced_sensor, pixel_column
+from etnet.events.formats.polarity import Coding, signed_polarity
 from etnet.events.formats.stamp_index import StampIndex
+from etnet.events.formats.survey import Survey
 from etnet.events.recording import Span
 
 LONG = 1 << 24
@@ -22,6 +26,9 @@ LONG = 1 << 24
 
 PAGE = 1 << 18
 """Events read at once when a whole file is gone through."""
+
+SHORT = 1 << 22
+"""Events up to which a file is looked through whole at opening: its order, its pixels, its polarity."""
 
 _FEW_PROBES, _MANY_PROBES = 8, 64
 _PROBE = 4096
@@ -41,6 +48,7 @@ class PagedSource:
     read_columns: ReadColumns
     lock: Lock
     stamps: StampIndex | None = None
+    coding: Coding | None = None
 
     def bracket(self, t: int) -> tuple[int, int] | None:
         """From the index of a long file, as soon as it is there."""
@@ -51,10 +59,10 @@ class PagedSource:
         name = self.request.name
         with self.lock, contained(name, f"events {start} … {stop} of {self.what}"):
             raw = self.read_columns(start, stop)
-        x, y = pixel_column(raw.x, "x", name), pixel_column(raw.y, "y", name)
-        events = Events(
-            x, y, raw.t.astype(np.int64, copy=False), signed_polarity(raw.p, self.request.assume, name), self.sensor
-        )
+        assume = self.request.assume
+        x, y = pixel_column(raw.x, "x", name, assume.pixels), pixel_column(raw.y, "y", name, assume.pixels)
+        signs = signed_polarity(raw.p, assume, name, coding=self.coding)
+        events = Events(x, y, raw.t.astype(np.int64, copy=False), signs, self.sensor)
         if not len(raw.x) == len(raw.y) == len(raw.t) == len(raw.p) == stop - start:
             raise RecordingError(f"{name}: columns end before event {stop}; the file may be truncated")
         check_slice(events, start, name)
@@ -73,34 +81,64 @@ def paged(
     remarks: Remarks,
     read_stamps: Callable[[int, int], np.ndarray] | None = None,
 ) -> Collected:
-    """A recording that stays in its file; with `--sort` or `--drop-outside` it is loaded and mended instead.
+    """A recording that stays in its file; where it has to be mended (as asked for, or as seen), it is loaded instead.
 
-    `read_stamps` reads t alone (µs); by default all columns are read for it.
+    A short file is looked through whole at opening, a long one in places. `read_stamps` reads t alone (µs); by
+    default all columns are read for it.
     """
     if num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if request.assume.mends:
         return collect(request, pages(num_events, read_columns), declared, remarks)
-    sensor = stated_sensor(request, declared, remarks)
     only_stamps = read_stamps or (lambda start, stop: read_columns(start, stop).t)
-    if sensor is None:
-        probes = [(start, read_columns(start, stop)) for start, stop in _places(num_events, _MANY_PROBES)]
-        sensor = _probed_sensor([probe for _, probe in probes], request, num_events, read_columns, remarks)
-        _check_probes([(start, probe.t) for start, probe in probes], request.name)
+    sensor = request.assume.sensor or declared
+    survey, is_short = Survey(request, sensor), num_events <= SHORT
+    if is_short or sensor is None:
+        for start, stop in _all(num_events) if is_short else _places(num_events, _MANY_PROBES):
+            survey.look(start, read_columns(start, stop))
+            if num_events > PAGE:
+                request.progress(0.5 * stop / num_events)
     else:
-        places = _places(num_events, _FEW_PROBES)
-        _check_probes([(start, only_stamps(start, stop)) for start, stop in places], request.name)
-    coded = read_columns(0, min(num_events, _PROBE)).p
-    if coded.dtype.kind in "biuf" and coded.min() >= -1 and coded.max() <= 1:  # any other coding is refused on reading
-        say_coding(float(coded.min()), coded.dtype.kind == "b", remarks)
+        for start, stop in _places(num_events, _FEW_PROBES):
+            survey.look_at_stamps(start, only_stamps(start, stop))
+        survey.look_at_polarity(read_columns(0, min(num_events, _PROBE)).p)
+    if survey.is_turning or (is_short and _is_easily_mended(survey)):
+        return collect(request, pages(num_events, read_columns), declared, remarks)
+    survey.check_order()
+    sensor = _sensor_of(survey, declared, is_short, request, remarks)
+    survey.check_polarity(remarks)
     span = Span(int(only_stamps(0, 1)[0]), int(only_stamps(num_events - 1, num_events)[0]))
     lock = Lock()
     stamps = None
     if num_events >= LONG:
         stamps = StampIndex(request, num_events, only_stamps, lock)
         request.resources.callback(stamps.stop)
-    source = PagedSource(request, what, num_events, sensor, read_columns, lock, stamps)
+    source = PagedSource(request, what, num_events, sensor, read_columns, lock, stamps, survey.coding)
     return Collected(source, sensor, span)
+
+
+def _is_easily_mended(survey: Survey) -> bool:
+    """A few strays, a few steps back of no account: nothing that has to be asked."""
+    return survey.has_few_strays or (not survey.order.is_ordered and survey.order.is_small)
+
+
+def _sensor_of(survey: Survey, declared: Sensor | None, is_all: bool, request: Request, remarks: Remarks) -> Sensor:
+    sensor, reach = stated_sensor(request, declared, remarks), survey.reach
+    is_too_far = max(reach.high_x, reach.high_y) >= LARGEST_DEDUCED_SIDE if sensor is None else survey.has_strays
+    if request.assume.pixels == "whole" and is_too_far and reach.is_fixed_point:
+        raise RecordingError(f"{request.name}: {reach.fixed_point_fault()}")
+    survey.check_strays()
+    if sensor is None:
+        where = "the events" if is_all else "the events looked at"
+        sensor = deduced_sensor(reach.high_x, reach.high_y, request.name, remarks, where)
+        check_sensor(sensor, request.name, request.assume.max_pixels)
+        if request.assume.pixels == "whole":
+            advise_on_pixels(reach, sensor, remarks)
+    return sensor
+
+
+def _all(num_events: int) -> list[tuple[int, int]]:
+    return [(start, min(start + PAGE, num_events)) for start in range(0, num_events, PAGE)]
 
 
 def pages(num_events: int, read_columns: ReadColumns) -> Iterator[Decoded]:
@@ -115,34 +153,6 @@ def _places(num_events: int, most: int) -> list[tuple[int, int]]:
     last = max(0, num_events - _PROBE)
     starts = sorted({int(place) for place in np.linspace(0, last, min(most, 1 + num_events // _PROBE))} | {last})
     return [(start, min(start + _PROBE, num_events)) for start in starts]
-
-
-def _check_probes(probes: list[tuple[int, np.ndarray]], name: str) -> None:
-    """Within each probe and from one to the next, so that the last event is not before the first."""
-    before = None
-    for start, t in probes:
-        _check_order(t, start, name)
-        if before is not None and start >= before[0] and t[0] < before[1]:
-            raise RecordingError(
-                f"{name}: time runs back before event {start} ({before[1]} > {t[0]} µs); open it with --sort"
-            )
-        before = (start + len(t), int(t[-1]))
-
-
-def _probed_sensor(
-    pieces: list[Decoded],
-    request: Request,
-    num_events: int,
-    read_columns: ReadColumns,
-    remarks: Remarks,
-) -> Sensor:
-    """From all events of a short file, from the probes of a long one (which then must fill a known sensor)."""
-    where = "the events looked at"
-    if num_events <= 16 * PAGE:
-        pieces, where = list(pages(num_events, read_columns)), "the events"
-    reach_x = max(int(pixel_column(piece.x, "x", request.name).max(initial=0)) for piece in pieces)
-    reach_y = max(int(pixel_column(piece.y, "y", request.name).max(initial=0)) for piece in pieces)
-    return deduced_sensor(reach_x, reach_y, request.name, remarks, where)
 
 
 def check_slice(events: Events, start: int, name: str) -> None:

@@ -6,17 +6,20 @@ from etnet.errors import RecordingError
 from etnet.events.formats.aedat.aedat2 import AEDAT2
 from etnet.events.formats.aedat.aedat3 import AEDAT3
 from etnet.events.formats.aedat.aedat4 import AEDAT4
+from etnet.events.formats.arrays.chunks import CHUNKS
 from etnet.events.formats.arrays.matlab import MATLAB_V5, MATLAB_V73
 from etnet.events.formats.arrays.npy import EVREAL, NPY, NPZ
 from etnet.events.formats.base import Format, Opened, Request, contained
+from etnet.events.formats.companions import folder_format
 from etnet.events.formats.compressed import packed_formats
 from etnet.events.formats.event_stream import EVENT_STREAM
+from etnet.events.formats.foreign import what_else
 from etnet.events.formats.hdf5.layouts import HDF5
 from etnet.events.formats.nmnist import FORTY_BITS
 from etnet.events.formats.prophesee.dat import DAT
 from etnet.events.formats.prophesee.raw import RAW
 from etnet.events.formats.ros.bags import MCAP, ROS1_BAG, ROS2_DATABASE, ROS2_FOLDER
-from etnet.events.formats.text.text import NAMED_TEXT, TEXT, TEXT_STORE
+from etnet.events.formats.text.text import TEXT, TEXT_STORE
 
 _PLAIN: tuple[Format, ...] = (
     MATLAB_V73,
@@ -36,7 +39,7 @@ _PLAIN: tuple[Format, ...] = (
     NPZ,
     ROS2_FOLDER,
     TEXT_STORE,
-    NAMED_TEXT,
+    CHUNKS,
     TEXT,
     FORTY_BITS,
 )
@@ -47,10 +50,15 @@ def choose(request: Request, formats: tuple[Format, ...]) -> Format:
     with contained(request.name, "its beginning"):
         fitting = [entry for entry in formats if entry.recognises(request)]
     if not fitting:
+        said = what_else(request.head)
+        if said is not None:
+            raise RecordingError(f"{request.name}: {said}")
         known = ", ".join(entry.name for entry in formats)
-        what = "folder" if request.path.is_dir() else f"file that begins with {request.head[:8]!r}"
-        raise RecordingError(f"{request.name}: a {what} of no known format; read are {known}")
+        begins = f"file that begins with {request.head[:8]!r}"
+        raise RecordingError(f"{request.name}: a {begins} of no known format; read are {known}")
     fitting = [entry for entry in fitting if entry.is_known_by_content] or fitting
+    if request.path.is_dir():
+        return fitting[0]
     return next((entry for entry in fitting if request.suffix in entry.suffixes), fitting[0])
 
 
@@ -58,4 +66,6 @@ def _open_inner(request: Request) -> Opened:
     return choose(request, _PLAIN).open(request)
 
 
-FORMATS: tuple[Format, ...] = _PLAIN + packed_formats(_open_inner)
+_SINGLE = tuple(entry for entry in _PLAIN if entry not in (EVREAL, ROS2_FOLDER, CHUNKS, TEXT_STORE))
+
+FORMATS: tuple[Format, ...] = (*_PLAIN, *packed_formats(_open_inner), folder_format(_SINGLE))

@@ -52,5 +52,5 @@ def test_of_aedat_3_motion_and_triggers_each(tmp_path):
     (tmp_path / "a.aedat").write_bytes(head + packet(1, 8, events) + others)
     said = told(tmp_path / "a.aedat")
     assert "5 samples of motion" in said
-    assert "2 special events (triggers, clock resets)" in said
+    assert "2 special events (clock resets, frame marks)" in said
     assert "1 other sample" in said

@@ -83,6 +83,21 @@ def test_pictures_of_a_davis_come_back_whatever_the_shutter(shutter, block, tmp_
         assert any("not read out whole" in remark.text for remark in recording.remarks)
 
 
+def test_events_and_pictures_of_a_davis_show_the_scene_the_same_way_round(tmp_path):
+    reset, signal = np.full((HEIGHT, WIDTH), 900), np.full((HEIGHT, WIDTH), 800)
+    signal[30:40, 20:30] = 200
+    # The picture's x is as stored, an event's is counted from the right, y of both from the bottom.
+    t = np.arange(90_000, 90_100)
+    events = np.stack([(HEIGHT - 1 - 35) << 22 | (WIDTH - 1 - 25) << 12 | 1 << 11 | 0 * t, t], 1)
+    words = np.concatenate([global_shutter([(reset, signal)] * 2), events])
+    with open_recording(saved(tmp_path / "a.aedat", words)) as recording:
+        found, frame = all_events(recording), recording.ground_truth.read_frame(0)
+    rows, columns = np.nonzero(frame > 0.5)
+    assert (columns.min(), columns.max(), rows.min(), rows.max()) == (20, 29, 30, 39)
+    assert set(found.x.tolist()) == {25}
+    assert set(found.y.tolist()) == {35}
+
+
 def test_motion_of_a_davis_is_read_in_g_and_degrees_a_second(tmp_path):
     rng = np.random.default_rng(1)
     values = rng.integers(-(1 << 15), 1 << 15, (300, 7))

@@ -15,8 +15,7 @@ import scipy.io
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
-from etnet.events.formats import archive as archives
-from etnet.events.formats import compressed
+from etnet.events.formats import bounds
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events, assert_same_events
 from tests.strategies import make_events
@@ -99,7 +98,7 @@ def test_davis_aedat2_keeps_events_and_tells_of_the_rest(tmp_path):
     words = b""
     for i, (x, y, t, p) in enumerate(zip(EVENTS.x, EVENTS.y, EVENTS.t, EVENTS.p, strict=True)):
         row = 180 - 1 - int(y)
-        words += struct.pack(">II", row << 22 | int(x) << 12 | int(p > 0) << 11, int(t))
+        words += struct.pack(">II", row << 22 | 240 - 1 - int(x) << 12 | int(p > 0) << 11, int(t))
         if i % 10 == 0:
             words += struct.pack(">II", 1 << 31 | 1 << 10, int(t)) + struct.pack(">II", 1 << 10, int(t))
     path = tmp_path / "a.aedat"
@@ -109,16 +108,18 @@ def test_davis_aedat2_keeps_events_and_tells_of_the_rest(tmp_path):
         assert_holds(recording)
         assert recording.ground_truth is None
         assert any("20 pictures" in remark.text for remark in recording.remarks)
-        assert any("20 external" in remark.text for remark in recording.remarks)
+        assert len(recording.triggers) == 20
 
 
 @pytest.mark.parametrize("stated", [None, (346, 260), (200, 150)])
-def test_aedat2_of_no_named_chip_is_turned_over_at_the_stated_height(stated, tmp_path):
-    x, y, height = np.arange(100), np.arange(100) + 10, 180 if stated is None else stated[1]
+def test_aedat2_of_no_named_chip_is_turned_at_the_stated_size(stated, tmp_path):
+    x, y = np.arange(100), np.arange(100) + 10
+    width, height = stated or (240, 180)
     words = np.stack([y << 22 | x << 12, np.arange(100)], 1)
     path = tmp_path / "a.aedat"
     path.write_bytes(b"#!AER-DAT2.0\r\n" + words.astype(">u4").tobytes())
     with open_recording(path, assume=Assumptions(*(stated or ()))) as recording:
+        np.testing.assert_array_equal(all_events(recording).x, width - 1 - x)
         np.testing.assert_array_equal(all_events(recording).y, height - 1 - y)
         told = [remark.text for remark in recording.remarks if "sensor" in remark.text]
     judged = "sensor 240×180: the header names no chip and the addresses fit it; --assume overrules"
@@ -215,8 +216,7 @@ def test_links_out_of_a_folder_are_refused(tmp_path):
 
 
 def test_bombs_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(archives, "FREE_SIZE", 1 << 20)
-    monkeypatch.setattr(compressed, "FREE_SIZE", 1 << 20)
+    monkeypatch.setattr(bounds, "FREE_SIZE", 1 << 20)
     (tmp_path / "a.txt.gz").write_bytes(gzip.compress(bytes(4 << 20), 9))
     with pytest.raises(RecordingError, match="bomb"):
         open_recording(tmp_path / "a.txt.gz")
@@ -245,3 +245,14 @@ def test_an_hdf5_file_may_be_open_elsewhere_in_the_same_process(locking, tmp_pat
         assert_holds(recording)
     with open_recording(path) as recording, h5py.File(path, "r") as file:
         assert len(file["events/xs"]) == recording.num_events
+
+
+def test_the_marks_of_nmnists_clock_move_what_comes_after_them(tmp_path):
+    rows = [(1, 2, 100), (3, 4, 8000), (0, 240, 8192), (5, 6, 10), (0, 240, 0), (7, 8, 20)]
+    content = b"".join(struct.pack(">BBI", x, y, (1 << 23 | t) << 8)[:5] for x, y, t in rows)
+    (tmp_path / "a.bin").write_bytes(content)
+    with open_recording(tmp_path / "a.bin") as recording:
+        events = all_events(recording)
+        assert events.t.tolist() == [100, 8000, 8192 + 10, 2 * 8192 + 20]
+        assert events.x.tolist() == [1, 3, 5, 7]
+        assert any("2 marks" in remark.text for remark in recording.remarks)

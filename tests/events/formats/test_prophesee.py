@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from etnet.errors import RecordingError
 from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.open import open_recording
 
@@ -120,3 +121,16 @@ def test_evt3_tells_what_was_odd_whatever_the_size(tmp_path: Path, monkeypatch, 
         "2 words before the stream's first time were left out",
         "time ran back by up to 4146 µs; 1 stamps were held at the last one before",
     ]
+
+
+@pytest.mark.parametrize("written", [evt2, evt21, lambda events: evt3([t for t, *_ in events], 6_000_000)])
+@pytest.mark.parametrize("is_large", [False, True])
+def test_two_recordings_in_one_file_are_named_and_not_flattened(tmp_path: Path, monkeypatch, written, is_large):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0 if is_large else 64 << 20)
+    content = written([(1000 * i, i % 60, i % 30, i % 2) for i in range(6000)])
+    data = content[content.index(b"% end\n") + 6 :]
+    path = tmp_path / "two.raw"
+    path.write_bytes(content + data)
+    with pytest.raises(RecordingError, match="the clock restarts"):
+        open_recording(path)

@@ -13,7 +13,8 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from etnet.events.formats.ros.event_packets import decode_libcaer, decode_libcaer_cmp
-from etnet.events.formats.ros.messages import Packet, parse_array, parse_packet, parse_picture
+from etnet.events.formats.ros.image_messages import parse_picture
+from etnet.events.formats.ros.messages import Packet, parse_array, parse_packet
 from etnet.events.open import open_recording
 from tests.events.containers import all_events
 from tests.strategies import make_events
@@ -210,5 +211,5 @@ def test_evt3_packets_are_one_stream_that_keeps_its_clock_and_tells_what_was_odd
     assert found.t.tolist() == [4094 << 12 | 7, 4094 << 12 | 7, 4097 << 12 | 9]
     assert told == [
         "1 words before the stream's first time were left out",
-        "1 packets end in half a word, which was left out; they may be truncated",
+        "1 packets end within a word, which was left out; they may be truncated",
     ]

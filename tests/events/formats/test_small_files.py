@@ -98,13 +98,49 @@ def test_of_an_npz_only_the_columns_are_unpacked(tmp_path, peak):
     assert peak() < FEW
 
 
-def test_frames_larger_than_any_camera_has_are_refused(tmp_path):
+def test_frames_larger_than_any_camera_has_are_left_out_and_the_events_kept(tmp_path):
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         for axis, column in zip(("xs", "ys", "ts", "ps"), columns().values(), strict=True):
             file[f"events/{axis}"] = column
         image = file.create_dataset("images/image000000000", (9000, 9000), "u1", chunks=(500, 500), compression="gzip")
         image.attrs["timestamp"] = 0.0
-    with pytest.raises(RecordingError, match="at most 4096") as refusal:
-        open_recording(path)
-    assert "\n" not in str(refusal.value)
+    with open_recording(path, assume=SENSOR) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+        assert recording.ground_truth is None
+        told = [remark.text for remark in recording.remarks if "frames" in remark.text]
+    assert len(told) == 1
+    assert "9000 × 9000 pixels" in told[0]
+    assert "--max-pixels" in told[0]
+
+
+@pytest.mark.parametrize("name", ["t_offset", "davis/left/image_raw_ts"])
+def test_small_datasets_that_declare_gigabytes_cost_nothing(name, tmp_path, peak):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset(name, (10**9,), "i8", chunks=(1 << 16,), compression="gzip")
+        if name == "t_offset":
+            for axis, column in zip("xytp", columns().values(), strict=True):
+                file[f"events/{axis}"] = column
+        else:
+            file["davis/left/events"] = np.stack([EVENTS.x, EVENTS.y, EVENTS.t / 1e6, EVENTS.p], 1)
+            file.create_dataset("davis/left/image_raw", (10**9, 12, 20), "u1", chunks=(1, 12, 20), compression="gzip")
+    tracemalloc.reset_peak()
+    if name == "t_offset":
+        with pytest.raises(RecordingError, match="t_offset"):
+            open_recording(path)
+    else:
+        with open_recording(path, assume=SENSOR) as recording:
+            assert recording.ground_truth is None
+            assert any("1,000,000,000 frames" in remark.text for remark in recording.remarks)
+    assert peak() < FEW
+
+
+@pytest.mark.parametrize("content", [b"65535 65535\n0.1 1 2 0\n", b"%geometry:65535,65535\n1,2,0,100\n"])
+def test_a_text_that_declares_a_vast_sensor_is_refused(content, tmp_path, peak):
+    (tmp_path / "a.txt").write_bytes(content)
+    with pytest.raises(RecordingError, match="--max-pixels"):
+        open_recording(tmp_path / "a.txt")
+    with open_recording(tmp_path / "a.txt", assume=Assumptions(max_pixels=1 << 32)) as recording:
+        assert recording.num_events == 1
+    assert peak() < 512 << 20

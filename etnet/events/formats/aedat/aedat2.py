@@ -1,12 +1,14 @@
 """AEDAT 2.0 (jAER): eight-byte big-endian words of a DVS128, DAVIS240 or DAVIS346.
 
 Layout: inivation.com, "AEDAT file formats", and the bits listed in jAER's chip classes. jAER counts y from the bottom.
+Its extractors take an event's x from the right (`flipx`) and a picture's x as it is stored, so that both show the scene
+the same way round; v2e writes its files for that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.aedat.aedat2_davis import Samples, first_pixel
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
+from etnet.events.formats.trigger_table import TriggerTable
 from etnet.events.formats.word_stream import unrolled
 
 _DVS128 = Sensor(128, 128)
@@ -36,7 +39,7 @@ class _Other:
     """Words that are no change events."""
 
     samples: Samples
-    num_external: int = 0
+    triggers: TriggerTable = field(default_factory=TriggerTable)
     num_turns: int = 0
 
 
@@ -69,13 +72,13 @@ def _open(request: Request) -> Opened:
         remarks.assumed(f"sensor {chip}: the header names no chip and the addresses fit it; --assume overrules")
         declared = chip
     sensor = request.assume.sensor or chip
-    remarks.assumed("y is counted from the bottom, as jAER does, and was turned over; x is as stored")
+    remarks.assumed("events are turned to how jAER shows them: y is stored from the bottom and x from the right")
     start = words[:_LOOK].astype(np.int64)
     # No address reaches farther, however large a sensor is stated.
     seen = Sensor(min(sensor.width, _FARTHEST.width), min(sensor.height, _FARTHEST.height))
     first = None if chip == _DVS128 else first_pixel(start[:, 0], start[:, 1], seen)
     other = _Other(Samples(seen, first, FrameCache(request.scratch)))
-    collected = collect(request, _pieces(words, chip == _DVS128, sensor.height, other), declared, remarks)
+    collected = collect(request, _pieces(words, chip == _DVS128, sensor, other), declared, remarks)
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     truth, inertial = other.samples.truth(remarks), other.samples.motion.inertial(remarks)
@@ -83,10 +86,11 @@ def _open(request: Request) -> Opened:
         remarks.assumed("motion is scaled for ±4 g and ±500 °/s, jAER's usual ranges")
     if other.num_turns > 0:
         remarks.repaired(f"the clock begins anew {other.num_turns} times (every 71.6 minutes) and was unrolled")
-    if other.num_external:
-        remarks.detected(f"{other.num_external} external triggers, which are not read further")
+    triggers = other.triggers.triggers(remarks)
     kept = tuple(remarks.kept)
-    return Opened("AEDAT 2.0", collected.source, collected.sensor, collected.span, kept, truth, inertial)
+    return Opened(
+        "AEDAT 2.0", collected.source, collected.sensor, collected.span, kept, truth, inertial, triggers=triggers
+    )
 
 
 def _judged_sensor(words: np.ndarray) -> Sensor:
@@ -99,7 +103,7 @@ def _judged_sensor(words: np.ndarray) -> Sensor:
     return Sensor(240, 180) if reach[0] < 180 and reach[1] < 240 else Sensor(346, 260)
 
 
-def _pieces(words: np.ndarray, is_dvs128: bool, height: int, other: _Other) -> Iterator[Decoded]:
+def _pieces(words: np.ndarray, is_dvs128: bool, sensor: Sensor, other: _Other) -> Iterator[Decoded]:
     last, turns = None, 0
     for start in range(0, len(words), _BLOCK):
         block = words[start : start + _BLOCK]
@@ -109,17 +113,20 @@ def _pieces(words: np.ndarray, is_dvs128: bool, height: int, other: _Other) -> I
         fraction = min(1.0, (start + _BLOCK) / len(words))
         if is_dvs128:
             is_event = (address >> 15) == 0
-            other.num_external += int(len(address) - np.count_nonzero(is_event))
+            other.triggers.add(t[~is_event], 0, 0)
             address, t = address[is_event], t[is_event]
             x, y, p = (address >> 1) & 0x7F, (address >> 8) & 0x7F, 1 - (address & 1)
         else:
             is_sample, is_external = (address >> 31) == 1, ((address >> 10) & 1) == 1
             other.samples.take(address[is_sample], t[is_sample])
-            other.num_external += int(np.count_nonzero(is_external & ~is_sample))
+            other.triggers.add(t[is_external & ~is_sample], 0, 0)
             is_event = ~(is_sample | is_external)
             address, t = address[is_event], t[is_event]
             x, y, p = (address >> 12) & 0x3FF, (address >> 22) & 0x1FF, (address >> 11) & 1
-        yield Decoded(x, np.where(y < height, height - 1 - y, y), t, p, fraction)
+        width, height = sensor.width, sensor.height
+        # What lies beyond the sensor stays there and is counted.
+        x, y = np.where(x < width, width - 1 - x, x), np.where(y < height, height - 1 - y, y)
+        yield Decoded(x, y, t, p, fraction)
 
 
 AEDAT2 = Format("AEDAT 2.0", (".aedat", ".dat"), lambda request: request.head[:11] == b"#!AER-DAT2.", _open)

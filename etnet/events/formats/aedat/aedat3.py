@@ -10,19 +10,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float32
 
 from etnet.errors import RecordingError
-from etnet.events.cache import FrameCache, grey
+from etnet.events.cache import FrameCache
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request
-from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.decode import Decoded, collect
-from etnet.events.recording import GroundTruth
+from etnet.events.formats.frames import Frames, attached
+from etnet.events.formats.trigger_table import TriggerTable
+from etnet.events.recording import GroundTruth, Span
 
 _PACKET = struct.Struct("<hhiiiiii")
 _FRAME = struct.Struct("<I4i4i")
 _SPECIAL, _POLARITY, _FRAMES, _IMU6, _IMU9 = range(5)
+_TRIGGERS = {first + k: (i, edge) for i, first in enumerate((2, 6, 9)) for k, edge in enumerate((1, -1, 0))}
+"""Types of special events that are edges: three inputs, each with a rising edge, a falling edge and a pulse."""
 _END = b"#!END-HEADER"
 _LARGEST_PACKET = 1 << 28
 _CHIPS = (("davis240", Sensor(240, 180)), ("davis346", Sensor(346, 260)), ("dvs128", Sensor(128, 128)))
@@ -33,6 +35,7 @@ class _Others:
     frames: FrameCache
     stamps: list[int] = field(default_factory=list)
     shape: tuple[int, ...] = ()
+    triggers: TriggerTable = field(default_factory=TriggerTable)
     num_special: int = 0
     num_motion: int = 0
     num_other: int = 0
@@ -58,8 +61,9 @@ def _open(request: Request) -> Opened:
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(others, remarks)
-    truth = _truth(others, remarks)
-    return Opened("AEDAT 3.1", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+    truth, triggers = _truth(others, collected.span, request.name, remarks), others.triggers.triggers(remarks)
+    kept = tuple(remarks.kept)
+    return Opened("AEDAT 3.1", collected.source, collected.sensor, collected.span, kept, truth, triggers=triggers)
 
 
 def _pieces(request: Request, start: int, others: _Others) -> Iterator[Decoded]:
@@ -85,7 +89,7 @@ def _pieces(request: Request, start: int, others: _Others) -> Iterator[Decoded]:
             elif kind in (_IMU6, _IMU9):
                 others.num_motion += number
             elif kind == _SPECIAL:
-                others.num_special += number
+                _keep_special(payload, event_size, overflow, others)
             else:
                 others.num_other += number
 
@@ -96,6 +100,19 @@ def _events(payload: bytes, overflow: int, others: _Others) -> Decoded:
     others.num_invalid += int(len(words) - np.count_nonzero(is_valid))
     data, stamps = words[is_valid, 0], words[is_valid, 1].astype(np.int64)
     return Decoded(data >> 17, (data >> 2) & 0x7FFF, stamps + (overflow << 31), (data >> 1) & 1)
+
+
+def _keep_special(payload: bytes, event_size: int, overflow: int, others: _Others) -> None:
+    """Triggers by their input and edge; what else the camera tells of itself is counted."""
+    if event_size != 8:
+        others.num_special += len(payload) // max(1, event_size)
+        return
+    words = np.frombuffer(payload, "<u4").reshape(-1, 2)
+    kind = (words[:, 0] >> 1) & 0x7F
+    is_trigger = np.isin(kind, list(_TRIGGERS)) & ((words[:, 0] & 1) == 1)
+    others.num_special += int(len(kind) - np.count_nonzero(is_trigger))
+    told = np.array([_TRIGGERS[int(each)] for each in kind[is_trigger]], np.int64).reshape(-1, 2)
+    others.triggers.add(words[is_trigger, 1].astype(np.int64) + (overflow << 31), told[:, 0], told[:, 1])
 
 
 def _keep_frames(payload: bytes, event_size: int, overflow: int, others: _Others) -> None:
@@ -117,15 +134,11 @@ def _keep_frames(payload: bytes, event_size: int, overflow: int, others: _Others
         others.stamps.append((opened + closed) // 2 + (overflow << 31))
 
 
-def _truth(others: _Others, remarks: Remarks) -> GroundTruth | None:
+def _truth(others: _Others, span: Span, name: str, remarks: Remarks) -> GroundTruth | None:
     if len(others.frames) == 0:
         return None
-
-    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-        return grey(others.frames[index])
-
-    stamps = np.array(others.stamps, np.int64)
-    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+    stamps, size = np.array(others.stamps, np.int64), Sensor(others.shape[1], others.shape[0])
+    return attached(Frames(stamps, "us", others.frames.__getitem__, size), span, "us", name, remarks)
 
 
 def _say(others: _Others, remarks: Remarks) -> None:
@@ -137,7 +150,7 @@ def _say(others: _Others, remarks: Remarks) -> None:
         remarks.repaired(f"{others.num_odd} frames that are invalid or of another size were left out")
     for number, what in (
         (others.num_motion, "samples of motion"),
-        (others.num_special, "special events (triggers, clock resets)"),
+        (others.num_special, "special events (clock resets, frame marks)"),
         (others.num_other, "other samples"),
     ):
         if number:

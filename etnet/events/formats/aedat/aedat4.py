@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import aedat
 import numpy as np
-from jaxtyping import Float32
 
 from etnet.errors import RecordingError
-from etnet.events.cache import FrameCache, grey
+from etnet.events.cache import FrameCache
 from etnet.events.events import Sensor
 from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.camera_frames import in_order
+from etnet.events.formats.bounds import declared_sensor
 from etnet.events.formats.decode import collect
+from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.imu import InertialTable
 from etnet.events.formats.packets import Packets
-from etnet.events.recording import GroundTruth
+from etnet.events.formats.trigger_table import TriggerTable
+from etnet.events.recording import GroundTruth, Span
 
 _ROUGH_BYTES_PER_EVENT = 6
+_EDGES = {1: 1, 2: -1, 3: 0}
+"""A trigger's source as dv-processing numbers it: an external signal's rising edge, falling edge, pulse."""
 
 
 @dataclass
@@ -30,7 +34,8 @@ class _Others:
     frames: FrameCache
     stamps: list[int] = field(default_factory=list)
     motion: InertialTable = field(default_factory=InertialTable)
-    num_triggers: int = 0
+    triggers: TriggerTable = field(default_factory=TriggerTable)
+    num_marks: int = 0
     num_odd_frames: int = 0
     first: np.ndarray | None = None
 
@@ -45,24 +50,44 @@ def _open(request: Request) -> Opened:
     frame_streams = sorted(key for key, stream in streams.items() if stream["type"] == "frame")
     if not event_streams and not frame_streams:
         raise RecordingError(f"{request.name}: an AEDAT4 file without events and frames; nothing to open")
-    wanted = event_streams[0] if event_streams else None
-    if len(event_streams) > 1:
-        remarks.detected(f"{len(event_streams)} event streams; the first one (number {wanted}) is shown")
+    wanted = _wanted_stream(event_streams, request, remarks)
     size = streams[wanted if wanted is not None else frame_streams[0]]
+    where = f"{request.name}: its header"
+    sensor = declared_sensor(size["width"], size["height"], where, request.assume.max_pixels)
     others = _Others(FrameCache(request.scratch))
     frames = frame_streams[0] if frame_streams else None
     packets = Packets(request, "AEDAT4", _ROUGH_BYTES_PER_EVENT, lambda: _next_events(decoder, wanted, frames, others))
-    collected = collect(request, packets.pieces(), Sensor(int(size["width"]), int(size["height"])), remarks)
+    collected = collect(request, packets.pieces(), sensor, remarks)
     if collected.source.num_events == 0 and len(others.frames) == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if packets.break_off is not None:
         remarks.repaired(packets.break_off)
     _say(others, collected.source.num_events, remarks)
-    truth, inertial = _truth(others, remarks), others.motion.inertial(remarks)
-    return Opened("AEDAT4", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth, inertial)
+    truth, inertial = _truth(others, collected.span, request.name, remarks), others.motion.inertial(remarks)
+    triggers = others.triggers.triggers(remarks)
+    kept = tuple(remarks.kept)
+    return Opened(
+        "AEDAT4", collected.source, collected.sensor, collected.span, kept, truth, inertial, triggers=triggers
+    )
 
 
-def _next_events(decoder: aedat.Decoder, wanted: int | None, frames: int | None, others: _Others) -> np.ndarray | None:
+def _wanted_stream(streams: list[int], request: Request, remarks: Remarks) -> int | None:
+    """The stream that a person names, else the first."""
+    topic, numbers = request.assume.topic, ", ".join(map(str, streams))
+    if topic is not None and topic not in map(str, streams):
+        raise RecordingError(
+            f'{request.name}: no event stream "{topic[:40]}"; its event streams are {numbers or "none"}'
+        )
+    if len(streams) < 2:
+        return streams[0] if streams else None
+    wanted = streams[0] if topic is None else int(topic)
+    remarks.detected(f"event streams {numbers}; number {wanted} is shown (--topic NUMBER chooses)")
+    return wanted
+
+
+def _next_events(
+    decoder: Iterable[dict[str, Any]], wanted: int | None, frames: int | None, others: _Others
+) -> np.ndarray | None:
     """The next packet of events; what lies between is kept or counted."""
     for packet in decoder:
         if "events" in packet and packet["stream_id"] == wanted:
@@ -72,7 +97,7 @@ def _next_events(decoder: aedat.Decoder, wanted: int | None, frames: int | None,
         elif "imus" in packet:
             _keep_motion(packet["imus"], others)
         elif "triggers" in packet:
-            others.num_triggers += len(packet["triggers"])
+            _keep_triggers(packet["triggers"], others)
     return None
 
 
@@ -81,6 +106,15 @@ def _keep_motion(samples: np.ndarray, others: _Others) -> None:
         np.stack([samples[f"{what}_{axis}"] for axis in "xyz"], 1) for what in ("accelerometer", "gyroscope")
     )
     others.motion.add(samples["t"].astype(np.int64), acceleration, rotation)
+
+
+def _keep_triggers(records: np.ndarray, others: _Others) -> None:
+    """Edges on the camera's input. Its own marks, such as a frame's beginning and a clock's reset, are counted."""
+    is_trigger = np.isin(records["source"], list(_EDGES))
+    others.num_marks += int(len(records) - np.count_nonzero(is_trigger))
+    kept = records[is_trigger]
+    edges = np.array([_EDGES[int(source)] for source in kept["source"]], np.int8)
+    others.triggers.add(kept["t"].astype(np.int64), 0, edges)
 
 
 def _keep_frame(frame: dict[str, Any], others: _Others) -> None:
@@ -94,15 +128,11 @@ def _keep_frame(frame: dict[str, Any], others: _Others) -> None:
     others.stamps.append(int(frame["t"]))
 
 
-def _truth(others: _Others, remarks: Remarks) -> GroundTruth | None:
-    if len(others.frames) == 0:
+def _truth(others: _Others, span: Span, name: str, remarks: Remarks) -> GroundTruth | None:
+    if others.first is None or len(others.frames) == 0:
         return None
-
-    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-        return grey(others.frames[index])
-
-    stamps = np.array(others.stamps, np.int64)
-    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
+    stamps, size = np.array(others.stamps, np.int64), Sensor(others.first.shape[1], others.first.shape[0])
+    return attached(Frames(stamps, "us", others.frames.__getitem__, size), span, "us", name, remarks)
 
 
 def _say(others: _Others, num_events: int, remarks: Remarks) -> None:
@@ -110,8 +140,8 @@ def _say(others: _Others, num_events: int, remarks: Remarks) -> None:
         remarks.detected("there are frames and no events")
     if others.num_odd_frames:
         remarks.repaired(f"{others.num_odd_frames} frames of another size or type were left out")
-    if others.num_triggers:
-        remarks.detected(f"{others.num_triggers} triggers, which are not read further")
+    if others.num_marks:
+        remarks.detected(f"{others.num_marks} marks of the camera's own (frames, exposures, resets), not read further")
 
 
 AEDAT4 = Format("AEDAT4", (".aedat4", ".aedat"), lambda request: request.head[:12] == b"#!AER-DAT4.0", _open)

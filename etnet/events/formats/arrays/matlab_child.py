@@ -1,8 +1,8 @@
 """Reads a v5 MATLAB file in a process of its own: scipy's reader crashes the interpreter on some damaged files.
 
 Run as `python -P -m etnet.events.formats.arrays.matlab_child FILE.mat FOLDER BYTES`; FOLDER gets x.npy, y.npy, t.npy
-and p.npy, and standard output a line of JSON: the struct that holds them ("" at the top, null if none does) and all
-variables.
+and p.npy, and standard output a line of JSON: the struct or matrix that holds them ("" at the top, null if none does),
+all variables, the order of a matrix's columns, the unit in the name of t, and the structs that were left out.
 The file may unpack to BYTES. Exit code 1, with one line on standard error, for what cannot be read.
 """
 
@@ -10,48 +10,77 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from etnet.events.formats.column_names import column_keys
+from etnet.events.formats.base import Remarks
+from etnet.events.formats.column_finder import Found, Leaf, find_events, rank_of
 
-_NO_NUMBERS = {"char", "cell", "function", "object", "opaque", "sparse", "unknown"}
+_TYPES = {"double": "f8", "single": "f4", "logical": "?"} | {
+    f"{sign}int{bits}": f"{kind}{bits // 8}" for sign, kind in (("", "i"), ("u", "u")) for bits in (8, 16, 32, 64)
+}
+"""MATLAB's numbers; all else (text, cells, functions, sparse) is none."""
 
 
-def numeric(parts: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Those that are arrays of numbers."""
-    return {key: part for key, part in parts.items() if isinstance(part, np.ndarray) and part.dtype.kind in "iufb"}
-
-
-def candidates(source: str, kinds: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """What may hold the columns: the variables at the top that have their names, then each struct. No other is read."""
+def top_tree(source: str, found: list[tuple[str, tuple[int, ...], str]]) -> dict[str, Leaf]:
+    """The variables at the top that are numbers; each is read by itself, if it is used."""
     import scipy.io
 
-    keys = column_keys(name for name, kind in kinds.items() if kind not in _NO_NUMBERS | {"struct"})
-    if keys is not None:
-        yield "", numeric(scipy.io.loadmat(source, simplify_cells=True, variable_names=list(keys.values())))
-    for name in (name for name, kind in kinds.items() if kind == "struct"):
-        struct = scipy.io.loadmat(source, simplify_cells=True, variable_names=[name]).get(name)
-        if isinstance(struct, dict):
-            yield name, numeric(struct)
+    def open_one(name: str) -> np.ndarray:
+        return scipy.io.loadmat(source, variable_names=[name])[name]
+
+    return {
+        name: Leaf(tuple(shape), np.dtype(_TYPES[kind]), lambda n=name: open_one(n))
+        for name, shape, kind in found
+        if kind in _TYPES
+    }
+
+
+def struct_tree(source: str, name: str) -> dict[str, Leaf]:
+    """The arrays of a struct, and of structs in it."""
+    import scipy.io
+
+    tree: dict[str, Leaf] = {}
+
+    def walk(value: Any, path: str) -> None:
+        if isinstance(value, dict):
+            for key, part in value.items():
+                walk(part, f"{path}/{key}")
+        elif isinstance(value, np.ndarray):
+            tree[path] = Leaf(value.shape, value.dtype, lambda: value)
+
+    walk(scipy.io.loadmat(source, simplify_cells=True, variable_names=[name]).get(name), name)
+    return tree
+
+
+def find_columns(source: str) -> tuple[Found | None, list[str], list[str]]:
+    """The events, what all variables are called, and which of the structs were left out unread."""
+    import scipy.io
+
+    variables = scipy.io.whosmat(source)
+    names = [name for name, _, _ in variables]
+    structs = sorted((name for name, _, kind in variables if kind == "struct"), key=rank_of)
+    found = find_events(top_tree(source, variables), Remarks())
+    for i, name in enumerate(structs):
+        if found is not None:
+            return found, names, structs[i:]
+        found = find_events(struct_tree(source, name), Remarks())
+        if found is not None:
+            return found, names, structs[:i] + structs[i + 1 :]
+    return found, names, []
 
 
 def copy_columns(source: str, folder: Path) -> dict[str, Any]:
     """Write the four columns; what is to be told of it."""
-    import scipy.io
-
-    kinds = {name: kind for name, _, kind in scipy.io.whosmat(source)}
-    for where, parts in candidates(source, kinds):
-        keys = column_keys(parts)
-        if keys is not None:
-            for axis, key in keys.items():
-                np.save(folder / f"{axis}.npy", parts[key].reshape(-1))
-            return {"where": where, "variables": list(kinds)}
-    return {"where": None, "variables": list(kinds)}
+    found, names, others = find_columns(source)
+    if found is None:
+        return {"where": None, "variables": names}
+    for axis, column in found.columns.items():
+        np.save(folder / f"{axis}.npy", np.ascontiguousarray(column[: len(column)]))
+    return {"where": found.where, "variables": names, "order": found.order, "unit": found.unit, "others": others}
 
 
 def limit_memory(unpacked: int) -> None:

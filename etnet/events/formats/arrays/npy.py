@@ -1,205 +1,147 @@
-"""numpy files: npz with named columns, npy tables and structured arrays (tonic), and EVREAL's folder of npy files.
+"""numpy files: npz and npy with columns, records (tonic, N-ImageNet) or a table, and folders of npy columns.
 
 EVREAL: ercanburak/EVREAL, tools/bag_to_npy.py (events_ts in s, events_xy, events_p, images, images_ts, metadata.json).
+EVIMO2: better-flow/evimo (dataset_events_t in s, dataset_events_xy, dataset_events_p).
 """
 
 from __future__ import annotations
 
-import io
 import json
-import shutil
-from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float32
 
 from etnet.errors import RecordingError
-from etnet.events.cache import grey
 from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore, Store, ZipStore, read_small
+from etnet.events.formats.arrays.leaves import MAGIC, PICKLED, header_of, is_pickled, leaves_of, load_mapped, mapped
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.camera_frames import check_size, in_order
+from etnet.events.formats.bounds import ANY_PIXELS, check_pixels, declared_sensor
+from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events
 from etnet.events.formats.column_names import column_keys
-from etnet.events.formats.columns import guessed_unit, stamps_in_microseconds
-from etnet.events.formats.decode import Decoded
-from etnet.events.formats.paged import paged
-from etnet.events.recording import GroundTruth
+from etnet.events.formats.declared_size import size_beside
+from etnet.events.formats.frames import Frames, check_frames, found_frames
+from etnet.events.formats.open_columns import Table, open_table
+
+_BOX_FIELDS = {"w", "h", "class_id"}
+_NO_ATTRIBUTES: Mapping[str, Any] = {}
 
 
-@runtime_checkable
-class Column(Protocol):
-    """Numbers in memory or in a file, read by slice."""
-
-    def __len__(self) -> int:
-        """How many there are."""
-        ...
-
-    def __getitem__(self, part: slice, /) -> Any:
-        """Some of them, as an array."""
-        ...
-
-
-Columns = dict[str, Column]
-"""x, y, t and p."""
-
-
-def columns_of_array(array: np.ndarray, name: str, remarks: Remarks) -> Columns:
-    """A structured array with named fields, or a table of four columns whose order is deduced from their values."""
-    if array.dtype.names is not None:
-        keys = column_keys(array.dtype.names)
-        if keys is None:
-            raise RecordingError(
-                f"{name}: a structured array with {array.dtype.names}; wanted the fields x, y, t and p"
-            )
-        return {axis: array[key].reshape(-1) for axis, key in keys.items()}
-    if array.ndim == 2 and array.shape[1] != 4 and array.shape[0] == 4:
-        array = array.T
-    if array.ndim != 2 or array.shape[1] != 4 or array.dtype.kind not in "iuf":
-        raise RecordingError(f"{name}: an array of {array.dtype} and shape {array.shape}; wanted n × 4 numbers")
-    order = _table_order(array)
-    remarks.assumed(f"the four columns are {', '.join(order)}, judged by their values")
-    return {axis: array[:, order.index(axis)] for axis in "xytp"}
-
-
-def _table_order(table: np.ndarray) -> tuple[str, str, str, str]:
-    """p is the last column, t the first or the third: the one with fractions, else the ordered one, else the larger."""
-    sample = np.asarray(table[:: max(1, len(table) // 10_000)], np.float64)
-    signs = (
-        lambda column: bool((column != np.floor(column)).any()),
-        lambda column: bool((np.diff(column) >= 0).all()),
+def found_in(tree: Tree, what: str, name: str, remarks: Remarks) -> Found:
+    """The events in a tree of arrays; an error that says what is in it instead."""
+    found = find_events(tree, remarks)
+    if found is not None:
+        if found.order:
+            remarks.assumed(f"the four columns are {', '.join(found.order)}, judged by their values")
+        return found
+    if any(is_pickled(leaf) for leaf in tree.values()):
+        raise RecordingError(f"{name}: {PICKLED}")
+    for leaf in tree.values():
+        if leaf.dtype.names is not None and len(_BOX_FIELDS & set(leaf.dtype.names)) >= 2:
+            raise RecordingError(f"{name}: these are boxes (labels), not events; open the recording beside it")
+    said = ", ".join(f"{path or 'an array'} {_kind(leaf)}" for path, leaf in list(tree.items())[:8])
+    raise RecordingError(
+        f"{name}: {what} with {said or 'nothing'}; wanted x, y, t and p as columns or fields, or an n × 4 table"
     )
-    for is_time in signs:
-        first, third = is_time(sample[:, 0]), is_time(sample[:, 2])
-        if first != third:
-            return ("t", "x", "y", "p") if first else ("x", "y", "t", "p")
-    is_larger = len(sample) > 0 and sample[:, 0].max() > sample[:, 2].max()
-    return ("t", "x", "y", "p") if is_larger else ("x", "y", "t", "p")
 
 
-def open_columns(
-    request: Request,
-    kind: str,
-    found: Columns,
-    declared: Sensor | None,
-    remarks: Remarks,
-    truth: GroundTruth | None = None,
-    is_seconds: bool = False,
-) -> Opened:
-    """Columns in memory or mapped become a paged recording."""
-    lengths = {axis: len(column) for axis, column in found.items()}
-    if len(set(lengths.values())) != 1:
-        raise RecordingError(f"{request.name}: its columns differ in length ({lengths}); the file is damaged")
-    x, y, t, p = (found[axis] for axis in "xytp")
-    if is_seconds and request.assume.time_unit is None:
-        unit = "s"
-    else:
-        unit = guessed_unit(np.concatenate([t[:4096], t[-1:]]), request.assume, remarks)
+def _kind(leaf: Leaf) -> str:
+    fields = leaf.dtype.names
+    return f"of {', '.join(fields[:9])}" if fields is not None else f"{leaf.dtype} {leaf.shape}"
 
-    def read(start: int, stop: int) -> Decoded:
-        stamps = stamps_in_microseconds(np.asarray(t[start:stop]), unit, request.name)
-        return Decoded(np.asarray(x[start:stop]), np.asarray(y[start:stop]), stamps, np.asarray(p[start:stop]))
 
-    collected = paged(request, kind, len(t), read, declared, remarks)
-    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+def _npy_tree(request: Request) -> dict[str, Leaf]:
+    with contained(request.name, "the npy array"), request.path.open("rb") as stream:
+        shape, dtype = header_of(stream)
+    return {"": Leaf(shape, dtype, lambda: load_mapped(request.path, request.name))}
 
 
 def _open_npy(request: Request) -> Opened:
     remarks = Remarks()
     with contained(request.name, "the npy array"):
-        array = np.load(request.path, mmap_mode="r", allow_pickle=False)
-        found = columns_of_array(array, request.name, remarks)
-    return open_columns(request, "npy array", found, None, remarks)
+        found = found_in(_npy_tree(request), "an npy array", request.name, remarks)
+    return open_table(request, Table("npy array", found.columns, settled=found.unit), remarks)
 
 
 def _open_npz(request: Request) -> Opened:
     """Only what is used is unpacked, into scratch, and stays there."""
     remarks = Remarks()
     store = ZipStore(request.path, request.resources)
-    names = [member.removesuffix(".npy") for member in request.members]
-    keys = column_keys(names)
     with contained(request.name, "the npz archive"):
-        if keys is not None:
-            found: Columns = {axis: _mapped(store, f"{key}.npy", request).reshape(-1) for axis, key in keys.items()}
-        elif "events" in names:
-            found = columns_of_array(_mapped(store, "events.npy", request), request.name, remarks)
-        else:
-            raise RecordingError(f"{request.name}: an npz with {', '.join(names[:8])}; wanted x, y, t and p, or events")
-        declared = _npz_sensor(store, names, request.name)
-    return open_columns(request, "npz columns", found, declared, remarks)
+        tree = leaves_of(store, request.members, request, mapped)
+        found = found_in(tree, "an npz", request.name, remarks)
+        declared = size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name)
+    return open_table(request, Table("npz columns", found.columns, declared, settled=found.unit), remarks)
 
 
-def _npz_sensor(store: Store, names: list[str], label: str) -> Sensor | None:
-    if "width" not in names or "height" not in names:
-        return None
-    sides = [
-        np.load(io.BytesIO(read_small(store, f"{name}.npy", label)), allow_pickle=False) for name in ("width", "height")
-    ]
-    return Sensor(int(sides[0]), int(sides[1]))
+def holds_events(request: Request) -> bool:
+    """Whether an npy or npz is a table of events."""
+    if request.head.startswith(MAGIC):
+        return find_events(_npy_tree(request), Remarks()) is not None
+    tree = leaves_of(ZipStore(request.path, request.resources), request.members, request, mapped)
+    return find_events(tree, Remarks()) is not None
 
 
-def _evreal_prefix(names: tuple[str, ...]) -> str | None:
-    for name in names:
-        if name.rsplit("/", 1)[-1] == "events_ts.npy":
-            return name[: -len("events_ts.npy")]
+def folder_prefix(members: tuple[str, ...]) -> str | None:
+    """The folder, as "a/b/" or "", whose npy files are the columns; None where there is none."""
+    groups: dict[str, list[str]] = {}
+    for member in members:
+        folder, slash, last = member.rpartition("/")
+        if last.lower().endswith(".npy"):
+            groups.setdefault(folder + slash, []).append(last[: -len(".npy")])
+    for prefix in sorted(groups):
+        if column_keys(groups[prefix]) is not None or "events_ts" in groups[prefix]:
+            return prefix
     return None
 
 
-def _open_evreal(request: Request) -> Opened:
+def _open_folder(request: Request) -> Opened:
     remarks = Remarks()
     store: Store = FolderStore(request.path) if request.path.is_dir() else ZipStore(request.path, request.resources)
-    prefix = _evreal_prefix(request.members) or ""
-    with contained(request.name, "the EVREAL arrays"):
-        t, p, xy = (_mapped(store, f"{prefix}events_{part}.npy", request) for part in ("ts", "p", "xy"))
-        if xy.ndim != 2 or xy.shape[1] != 2:
-            raise RecordingError(f"{request.name}: events_xy.npy has the shape {xy.shape}; wanted n × 2")
-        found = {"x": xy[:, 0], "y": xy[:, 1], "t": t.reshape(-1), "p": p.reshape(-1)}
-        truth = _evreal_frames(store, prefix, request, remarks)
-        declared = _evreal_sensor(store, prefix, request.name, truth)
-    return open_columns(request, "EVREAL npy folder", found, declared, remarks, truth, is_seconds=True)
+    prefix = folder_prefix(request.members) or ""
+    is_evreal = f"{prefix}events_ts.npy" in request.members
+    kind = "EVREAL npy folder" if is_evreal else "npy folder"
+    for part in ("xy", "p") if is_evreal else ():
+        if f"{prefix}events_{part}.npy" not in request.members:
+            raise RecordingError(f"{request.name}: events_{part}.npy is missing; an EVREAL folder needs it")
+    if f"{prefix}dataset_events_t.npy" in request.members:
+        kind = "EVIMO2 npy folder"
+    with contained(request.name, "the npy columns"):
+        inside = [
+            member for member in request.members if member.startswith(prefix) and "/" not in member[len(prefix) :]
+        ]
+        tree = {path[len(prefix) :]: leaf for path, leaf in leaves_of(store, inside, request, mapped).items()}
+        found = found_in(tree, "a folder of npy files", request.name, remarks)
+        declared = _metadata_size(store, prefix, request)
+    frames = found_frames(lambda: _folder_frames(tree, request), request.name, remarks)
+    usual = "s" if kind != "npy folder" else None
+    table = Table(kind, found.columns, declared, settled=found.unit, usual=usual, frames=frames)
+    return open_table(request, table, remarks)
 
 
-def _mapped(store: Store, member: str, request: Request) -> np.ndarray:
-    """An npy file as a memory map; one in an archive is unpacked to scratch first."""
-    if member not in request.members:
-        raise RecordingError(f"{request.name}: {member} is missing; an EVREAL folder needs it")
-    path: Path | None = store.local_path(member)
-    if path is None:
-        path = request.scratch.path(member.replace("/", "_"), store.size(member))
-        with store.open(member) as packed, path.open("wb") as plain:
-            shutil.copyfileobj(packed, plain, 1 << 20)
-    return np.load(path, mmap_mode="r", allow_pickle=False)
-
-
-def _evreal_frames(store: Store, prefix: str, request: Request, remarks: Remarks) -> GroundTruth | None:
-    if prefix + "images.npy" not in request.members or prefix + "images_ts.npy" not in request.members:
+def _folder_frames(tree: Tree, request: Request) -> Frames | None:
+    """EVREAL's images.npy (n × height × width × 1) and images_ts.npy."""
+    if "images" not in tree or "images_ts" not in tree:
         return None
-    pictures = _mapped(store, prefix + "images.npy", request)
-    seconds = np.asarray(_mapped(store, prefix + "images_ts.npy", request)).reshape(-1)
-    if pictures.ndim not in (3, 4) or len(pictures) != len(seconds) or pictures.dtype.kind not in "uf":
-        raise RecordingError(
-            f"{request.name}: images.npy is {pictures.dtype} {pictures.shape} for {len(seconds)} stamps"
-        )
-    if len(seconds) == 0:
+    pictures = tree["images"].open()
+    check_frames(int(np.prod(tree["images_ts"].shape)), f"{request.name}: images_ts.npy")
+    stamps = np.asarray(tree["images_ts"].open()).reshape(-1)
+    if pictures.ndim not in (3, 4) or len(pictures) != len(stamps):
+        raise RecordingError(f"images.npy is {pictures.dtype} {pictures.shape} for {len(stamps)} stamps")
+    check_pixels(pictures.shape[1:], f"{request.name}: images.npy", request.assume.max_pixels)
+    size = Sensor(int(pictures.shape[2]), int(pictures.shape[1]))
+    return Frames(stamps, "s", lambda index: np.asarray(pictures[index]), size)
+
+
+def _metadata_size(store: Store, prefix: str, request: Request) -> Sensor | None:
+    if prefix + "metadata.json" not in store.names():
         return None
-    check_size(pictures.shape[1:], f"{request.name}: images.npy")
-
-    def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
-        return grey(np.asarray(pictures[index]))
-
-    stamps = stamps_in_microseconds(seconds, request.assume.time_unit or "s", request.name)
-    return in_order(stamps, GroundTruth(stamps, read_frame), remarks)
-
-
-def _evreal_sensor(store: Store, prefix: str, name: str, truth: GroundTruth | None) -> Sensor | None:
-    if prefix + "metadata.json" in store.names():
-        size = json.loads(read_small(store, prefix + "metadata.json", name)).get("sensor_resolution")
-        if isinstance(size, list) and len(size) >= 2:
-            return Sensor(int(size[1]), int(size[0]))
-    if truth is None:
+    content = json.loads(read_small(store, prefix + "metadata.json", request.name))
+    size = content.get("sensor_resolution") if isinstance(content, dict) else None
+    if not isinstance(size, list) or len(size) < 2:
         return None
-    height, width = truth.read_frame(0).shape
-    return Sensor(width, height)
+    return declared_sensor(size[1], size[0], f"{request.name}: metadata.json", ANY_PIXELS)
 
 
 def _is_npz(request: Request) -> bool:
@@ -207,6 +149,10 @@ def _is_npz(request: Request) -> bool:
     return is_zip and bool(request.members) and all("/" not in m and m.endswith(".npy") for m in request.members)
 
 
-NPY = Format("npy", (".npy",), lambda request: request.head[:6] == b"\x93NUMPY", _open_npy)
-EVREAL = Format("EVREAL npy", (".zip", ""), lambda request: _evreal_prefix(request.members) is not None, _open_evreal)
-NPZ = Format("npz", (".npz",), _is_npz, _open_npz)
+def _is_folder(request: Request) -> bool:
+    return folder_prefix(request.members) is not None and not (request.suffix == ".npz" and _is_npz(request))
+
+
+NPY = Format("npy", (".npy",), lambda request: request.head[:6] == MAGIC, _open_npy, holds_events=holds_events)
+EVREAL = Format("EVREAL npy", (".zip", ""), _is_folder, _open_folder)
+NPZ = Format("npz", (".npz",), _is_npz, _open_npz, holds_events=holds_events)

@@ -8,12 +8,9 @@ import h5py
 import hdf5plugin  # noqa: F401  (registers Blosc, zstd and LZ4 with the HDF5 library)
 
 from etnet.errors import RecordingError
-from etnet.events.formats.archive import FREE_SIZE, MAX_RATIO
 from etnet.events.formats.base import Remarks, Request, contained
+from etnet.events.formats.bounds import MAX_BLOCK
 from etnet.events.formats.hdf5.journal import restore
-
-LARGEST_CHUNK = 1 << 28
-"""Bytes that one HDF5 chunk may unpack to."""
 
 
 def open_file(request: Request) -> h5py.File:
@@ -62,9 +59,9 @@ def dataset(group: h5py.Group, path: str, name: str, *, ndim: int | None = 1) ->
         num_bytes = node.dtype.itemsize
         for side in node.chunks:
             num_bytes *= side
-        if num_bytes > LARGEST_CHUNK:
+        if num_bytes > MAX_BLOCK:
             raise RecordingError(
-                f"{name}: a chunk of {path} unpacks to {num_bytes} bytes; at most {LARGEST_CHUNK} are read"
+                f"{name}: a chunk of {path} unpacks to {num_bytes} bytes; at most {MAX_BLOCK} are read"
             )
     if ndim is not None and node.ndim != ndim:
         raise RecordingError(f"{name}: {path} has {node.ndim} dimensions; wanted {ndim}")
@@ -76,16 +73,6 @@ def say_unread(group: h5py.Group, path: str, what: str, name: str, remarks: Rema
     node = find(group, path, name)
     if isinstance(node, h5py.Dataset) and node.shape and node.shape[0]:
         remarks.detected(f"{node.shape[0]} {what}, which are not read further")
-
-
-def check_growth(column: h5py.Dataset, path: str, name: str) -> None:
-    """An error if a dataset that is to be gone through declares far more than lies in the file, like a zip bomb."""
-    stored = column.id.get_storage_size()
-    if column.nbytes > max(FREE_SIZE, MAX_RATIO * stored):
-        raise RecordingError(
-            f"{name}: {path} would grow from {stored} to {column.nbytes} bytes, like a bomb; "
-            "write it anew if you trust it"
-        )
 
 
 def columns(group: h5py.Group, paths: tuple[str, ...], name: str) -> tuple[h5py.Dataset, ...]:

@@ -1,4 +1,4 @@
-"""The HDF5 layouts of event vision: event_utils (HQF, ET-Net, E2VID+), DSEC and MVSEC. Events are read in slices.
+"""The HDF5 layouts of event vision: those that are known by name, then columns wherever they are. Read by slice.
 
 event_utils: TimoStoff/event_utils, lib/data_formats/event_packagers.py. DSEC: dsec.ifi.uzh.ch/data-format.
 MVSEC: daniilidis-group.github.io/mvsec/download.
@@ -6,22 +6,27 @@ MVSEC: daniilidis-group.github.io/mvsec/download.
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.clock32 import begins_anew, collect_unrolled
-from etnet.events.formats.columns import guessed_unit, stamps_in_microseconds
-from etnet.events.formats.decode import Decoded
+from etnet.events.formats.column_finder import Columns, Field, Found, Rows, Tree, find_events, paths_in
+from etnet.events.formats.declared_size import sensor_resolution, size_beside
+from etnet.events.formats.frames import Frames, found_frames
 from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, say_unread
-from etnet.events.formats.hdf5.frames import numbered_frames, stacked_frames
+from etnet.events.formats.hdf5.frames import numbered_frames, stacked_frames, stacked_pair
 from etnet.events.formats.hdf5.metavision import open_metavision
-from etnet.events.formats.paged import paged
+from etnet.events.formats.hdf5.tree import attributes_of, check_columns, outline, tree_of
+from etnet.events.formats.open_columns import Table, open_table
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _DAVIS346 = Sensor(346, 260)
-_SAMPLES = 16
+_EVENT_UTILS = (
+    ("events/xs", "events/ys", "events/ts", "events/ps"),
+    ("events/x", "events/y", "events/ts", "events/p"),
+)
 
 
 def is_hdf5(request: Request) -> bool:
@@ -29,126 +34,133 @@ def is_hdf5(request: Request) -> bool:
     return any(request.head[place : place + 8] == SIGNATURE for place in (0, 512, 1024, 2048))
 
 
-def _open_event_utils(request: Request, file, paths: tuple[str, str, str, str]) -> Opened:
-    remarks = Remarks()
-    if isinstance(made := file.attrs.get("simulation"), str):
-        remarks.detected(f"{str(file.attrs.get('source', 'simulated'))[:200]}, with {made[:1000]}")
-    x, y, t, p = columns(file, paths, request.name)
-    if len(t) == 0:
-        raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    is_seconds = t.dtype.kind == "f" and request.assume.time_unit is None
-    unit = "s" if is_seconds else guessed_unit(t[: min(len(t), 4096)], request.assume, remarks)
-
-    def stamps(start: int, stop: int) -> np.ndarray:
-        return stamps_in_microseconds(t[start:stop], unit, request.name)
-
-    def read(start: int, stop: int) -> Decoded:
-        return Decoded(x[start:stop], y[start:stop], stamps(start, stop), p[start:stop])
-
-    truth = numbered_frames(file, request.name, unit, remarks)
-    declared = _declared_size(file, request.name)
-    if declared is None and truth is not None:
-        height, width = truth.read_frame(0).shape
-        declared = Sensor(width, height)
-        remarks.detected(f"sensor {declared}, the size of the frames")
-    stated_count = file.attrs.get("num_events")
-    if stated_count is not None and np.size(stated_count) == 1 and int(stated_count) != len(t):
-        remarks.detected(f"the file's attribute says {int(stated_count)} events, its columns hold {len(t)}")
-    collected = paged(request, "event_utils HDF5", len(t), read, declared, remarks, stamps)
-    return Opened("event_utils HDF5", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+def holds_events(request: Request) -> bool:
+    """Whether a layout of events is in it; of a folder's files, some hold calibrations and labels alone."""
+    file = open_file(request)
+    if any(_has(file, path, request) for path in ("davis/left/events", "davis/right/events", "CD/events")):
+        return True
+    return find_events(tree_of(file, request.name), Remarks()) is not None
 
 
-def _declared_size(file, name: str) -> Sensor | None:
-    size = file.attrs.get("sensor_resolution")
-    if size is None:
-        return None
-    sides = np.asarray(size).ravel()
-    if (
-        sides.size < 2
-        or sides.dtype.kind not in "iuf"
-        or not bool((sides[:2] >= 1).all() and (sides[:2] <= 65_536).all())
-    ):
-        raise RecordingError(f"{name}: its attribute sensor_resolution is {size}; wanted (height, width)")
-    return Sensor(int(sides[1]), int(sides[0]))
-
-
-def _open_dsec(request: Request, file) -> Opened:
-    remarks = Remarks()
-    x, y, t, p = columns(file, ("events/x", "events/y", "events/t", "events/p"), request.name)
-    is_dsec = find(file, "ms_to_idx", request.name) is not None
-    offset = 0
-    if find(file, "t_offset", request.name) is not None:
-        value = np.asarray(dataset(file, "t_offset", request.name, ndim=None)[()]).ravel()
-        if value.size != 1 or value.dtype.kind not in "iu" or abs(int(value[0])) >= 2**61:
-            raise RecordingError(f"{request.name}: t_offset is {value[:3]}; wanted one whole number of µs")
-        offset = int(value[0])
-    unit = "us" if is_dsec and request.assume.time_unit is None else guessed_unit(t[:4096], request.assume, remarks)
-
-    def stamps(start: int, stop: int) -> np.ndarray:
-        return stamps_in_microseconds(t[start:stop], unit, request.name, offset)
-
-    def read(start: int, stop: int) -> Decoded:
-        return Decoded(x[start:stop], y[start:stop], stamps(start, stop), p[start:stop])
-
-    kind = "DSEC HDF5" if is_dsec else "HDF5 columns"
-    declared = _declared_size(file, request.name)
-    if t.dtype == np.uint32 and unit == "us" and begins_anew(np.array([t[i] for i in _spread(len(t))])):
-        collected = collect_unrolled(request, len(t), read, declared, remarks)
-    else:
-        collected = paged(request, kind, len(t), read, declared, remarks, stamps)
-    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
-
-
-def _spread(num_events: int) -> list[int]:
-    """Some events from the first to the last; few, for each costs the reading of a chunk."""
-    return sorted({int(place) for place in np.linspace(0, num_events - 1, _SAMPLES)}) if num_events else []
-
-
-def _open_mvsec(request: Request, file) -> Opened:
-    remarks = Remarks()
-    sides = [side for side in ("left", "right") if find(file, f"davis/{side}/events", request.name) is not None]
-    side = sides[0]
-    if len(sides) == 2:
-        remarks.detected("two cameras; the left one is shown")
-    table = dataset(file, f"davis/{side}/events", request.name, ndim=2)
-    if table.shape[1] != 4:
-        raise RecordingError(f"{request.name}: davis/{side}/events has {table.shape[1]} columns; wanted x, y, t, p")
-
-    def read(start: int, stop: int) -> Decoded:
-        rows = np.asarray(table[start:stop], np.float64)
-        return Decoded(rows[:, 0], rows[:, 1], stamps_in_microseconds(rows[:, 2], "s", request.name), rows[:, 3])
-
-    truth = stacked_frames(file, f"davis/{side}/image_raw", request.name, remarks)
-    declared = _DAVIS346
-    if truth is not None:
-        height, width = truth.read_frame(0).shape
-        declared = Sensor(width, height)
-    elif request.assume.sensor is None:
-        remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")
-    say_unread(file, f"davis/{side}/imu", "samples of motion", request.name, remarks)
-    collected = paged(request, "MVSEC HDF5", len(table), read, declared, remarks)
-    return Opened("MVSEC HDF5", collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+def _has(file: h5py.File, path: str, request: Request) -> bool:
+    return find(file, path, request.name) is not None
 
 
 def _open(request: Request) -> Opened:
     file = open_file(request)
     with contained(request.name, "HDF5"):
-        has = lambda path: find(file, path, request.name) is not None  # noqa: E731
-        if has("davis/left/events") or has("davis/right/events"):
+        if any(_has(file, f"davis/{side}/events", request) for side in ("left", "right")):
             return _open_mvsec(request, file)
-        if has("CD/events"):
+        if _has(file, "CD/events", request):
             return open_metavision(request, file)
-        if has("events/xs"):
-            return _open_event_utils(request, file, ("events/xs", "events/ys", "events/ts", "events/ps"))
-        if has("events/x") and has("events/ts"):
-            return _open_event_utils(request, file, ("events/x", "events/y", "events/ts", "events/p"))
-        if has("events/x") and has("events/t"):
-            return _open_dsec(request, file)
-        there = ", ".join(sorted(file.keys())[:8]) or "nothing"
-    raise RecordingError(
-        f"{request.name}: an HDF5 file with {there} at its top; wanted events/xs (event_utils), events/x and t (DSEC), "
-        "davis/left/events (MVSEC) or CD/events (Metavision)"
+        for paths in _EVENT_UTILS:
+            if all(_has(file, path, request) for path in paths):
+                return _open_event_utils(request, file, paths)
+        return _open_found(request, file)
+
+
+def _open_event_utils(request: Request, file: h5py.File, paths: tuple[str, str, str, str]) -> Opened:
+    remarks = Remarks()
+    if isinstance(made := file.attrs.get("simulation"), str):
+        remarks.detected(f"{str(file.attrs.get('source', 'simulated'))[:200]}, with {made[:1000]}")
+    x, y, t, p = columns(file, paths, request.name)
+    check_columns(file, set(paths), request.name)
+    stated_count = file.attrs.get("num_events")
+    if stated_count is not None and np.size(stated_count) == 1 and int(stated_count) != len(t):
+        remarks.detected(f"the file's attribute says {int(stated_count)} events, its columns hold {len(t)}")
+    tree = tree_of(file, request.name)
+    table = Table(
+        "event_utils HDF5",
+        {"x": x, "y": y, "t": t, "p": p},
+        _size(request, file, tree, "events"),
+        usual="s" if t.dtype.kind == "f" else None,
+        frames=_frames(request, file, tree, remarks),
     )
+    return open_table(request, table, remarks)
 
 
-HDF5 = Format("HDF5", (".h5", ".hdf5", ".hdf"), is_hdf5, _open)
+def _open_found(request: Request, file: h5py.File) -> Opened:
+    """DSEC, and every other file whose columns, records or table of events can be found."""
+    remarks, tree = Remarks(), tree_of(file, request.name)
+    found = find_events(tree, remarks)
+    if found is None:
+        raise RecordingError(
+            f"{request.name}: an HDF5 file with {outline(file)}; wanted columns called x, y, t and p in one group, "
+            "records with these fields, or a table of four columns called events"
+        )
+    if found.order:
+        remarks.assumed(f"the four columns of {found.where} are {', '.join(found.order)}, judged by their values")
+    check_columns(file, paths_in(tree, found), request.name)
+    is_dsec = _has(file, "ms_to_idx", request)
+    offset = _offset(file, request) if _has(file, "t_offset", request) else 0
+    kind = "DSEC HDF5" if is_dsec else _kind(found, file, request)
+    if kind == "DSEC HDF5":
+        remarks.kept = [remark for remark in remarks.kept if remark.text != "events are in events"]
+    table = Table(
+        kind,
+        found.columns,
+        _size(request, file, tree, found.where),
+        settled="us" if is_dsec else found.unit,
+        offset=offset,
+        frames=_frames(request, file, tree, remarks),
+    )
+    return open_table(request, table, remarks)
+
+
+def _kind(found: Found, file: h5py.File, request: Request) -> str:
+    if _has(file, "prophesee/left", request) and _has(file, f"{found.where}/ms_map_idx", request):
+        return "M3ED HDF5"
+    return "HDF5 table" if found.order else "HDF5 columns"
+
+
+def _offset(file: h5py.File, request: Request) -> int:
+    stored = dataset(file, "t_offset", request.name, ndim=None)
+    value = np.asarray(stored[()]).ravel() if stored.size == 1 else np.empty(0)
+    if value.size != 1 or value.dtype.kind not in "iu" or abs(int(value[0])) >= 2**61:
+        raise RecordingError(f"{request.name}: t_offset is {value[:3]}; wanted one whole number of µs")
+    return int(value[0])
+
+
+def _size(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
+    stated = sensor_resolution(file.attrs.get("sensor_resolution"), request.name)
+    if stated is not None:
+        return stated
+    attributes = lambda group: attributes_of(file, group, request.name)  # noqa: E731
+    return size_beside(tree, where, attributes, request.name)
+
+
+def _frames(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:
+    most, name = request.assume.max_pixels, request.name
+    numbered = found_frames(lambda: numbered_frames(file, name, most, remarks), name, remarks)
+    pair = stacked_pair(tree) if numbered is None else None
+    if pair is None:
+        return numbered
+    remarks.detected(f"frames are in {pair[0]}, their stamps in {pair[1]}")
+    return found_frames(lambda: stacked_frames(file, *pair, name, most), name, remarks)
+
+
+def _open_mvsec(request: Request, file: h5py.File) -> Opened:
+    remarks, name = Remarks(), request.name
+    sides = [side for side in ("left", "right") if _has(file, f"davis/{side}/events", request)]
+    where = f"davis/{sides[0]}"
+    if len(sides) == 2:
+        remarks.detected("two cameras; the left one is shown")
+    table = dataset(file, f"{where}/events", name, ndim=2)
+    if table.shape[1] != 4:
+        raise RecordingError(f"{name}: {where}/events has {table.shape[1]} columns; wanted x, y, t, p")
+    check_columns(file, {f"{where}/events"}, name)
+    frames = None
+    if _has(file, f"{where}/image_raw", request) and _has(file, f"{where}/image_raw_ts", request):
+        most = request.assume.max_pixels
+        pair = f"{where}/image_raw", f"{where}/image_raw_ts"
+        frames = found_frames(lambda: stacked_frames(file, *pair, name, most), name, remarks)
+    declared = frames.size if frames is not None else _DAVIS346
+    if frames is None and request.assume.sensor is None:
+        remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")
+    say_unread(file, f"{where}/imu", "samples of motion", name, remarks)
+    rows = Rows(table, 4)
+    found: Columns = {axis: Field(rows, i) for i, axis in enumerate("xytp")}
+    return open_table(request, Table("MVSEC HDF5", found, declared, fixed="s", frames=frames), remarks)
+
+
+HDF5 = Format("HDF5", (".h5", ".hdf5", ".hdf"), is_hdf5, _open, holds_events=holds_events)

@@ -14,10 +14,12 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded
-from etnet.events.formats.hdf5.file import dataset, say_unread
+from etnet.events.formats.hdf5.file import dataset, find
 from etnet.events.formats.paged import paged
 from etnet.events.formats.prophesee.ecf import Chunk, DamagedChunk, decode_chunk
-from etnet.events.formats.prophesee.raw import Header
+from etnet.events.formats.prophesee.header import Header
+from etnet.events.formats.trigger_table import MOST_TRIGGERS, TriggerTable
+from etnet.events.triggers import Triggers
 
 ECF_FILTER = 36559
 _HELD_CHUNKS = 32
@@ -85,9 +87,26 @@ def open_metavision(request: Request, file: h5py.File) -> Opened:
         read, kind = _reader_of(table), "Metavision HDF5"
     texts = {key: str(value) for key, value in file.attrs.items() if isinstance(value, str)}
     declared: Sensor | None = Header(texts, 0).sensor(request.name, remarks, request.assume.sensor is not None)
-    say_unread(file, "EXT_TRIGGER/events", "triggers", request.name, remarks)
+    triggers = _triggers(file, request.name, remarks)
     collected = paged(request, kind, len(table), read, declared, remarks)
-    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+    kept = tuple(remarks.kept)
+    return Opened(kind, collected.source, collected.sensor, collected.span, kept, triggers=triggers)
+
+
+def _triggers(file: h5py.File, name: str, remarks: Remarks) -> Triggers | None:
+    """EXT_TRIGGER/events: records of p (1 rising), t in µs and id. Triggers that cannot be read cost no event."""
+    node = find(file, "EXT_TRIGGER/events", name)
+    if not isinstance(node, h5py.Dataset) or not node.shape or not node.shape[0]:
+        return None
+    gathered = TriggerTable()
+    try:
+        records = node[:MOST_TRIGGERS]
+        gathered.add(records["t"].astype(np.int64), records["id"], np.where(records["p"] > 0, 1, -1))
+        gathered.num_triggers = node.shape[0]
+    except (OSError, ValueError, KeyError, IndexError, TypeError):
+        remarks.detected(f"{node.shape[0]} triggers, which cannot be read")
+        return None
+    return gathered.triggers(remarks)
 
 
 def _reader_of(table: h5py.Dataset):

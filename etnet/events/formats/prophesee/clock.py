@@ -19,7 +19,7 @@ _BLOCK = 1 << 20
 
 def mark_turns(path: Path) -> None:
     """Put the last and the first high time of the clock around each of its turns where they are missing."""
-    start = _header_end(path)
+    start = header_end(path)
     words = np.memmap(path, "<u2", "r", offset=start)
     places, missing = _missing(words)
     if not len(places):
@@ -37,7 +37,8 @@ def mark_turns(path: Path) -> None:
         marked.unlink(missing_ok=True)
 
 
-def _header_end(path: Path) -> int:
+def header_end(path: Path) -> int:
+    """Bytes of the header, the lines that begin with "% "."""
     end = 0
     with path.open("rb") as file:
         while file.readline().startswith(b"% "):

@@ -12,7 +12,8 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.clock32 import begins_anew, collect_unrolled, is_out_of_order
 from etnet.events.formats.decode import Decoded, collect
 from etnet.events.formats.paged import paged, pages
-from etnet.events.formats.prophesee.raw import RAW, Header, read_header
+from etnet.events.formats.prophesee.header import Header, read_header
+from etnet.events.formats.prophesee.raw import RAW
 
 _EVENT_TYPES = (0x00, 0x0C)
 """Change events: the old "2d" and the later "CD"; both have one layout in version 2."""

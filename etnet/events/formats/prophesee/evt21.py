@@ -1,66 +1,79 @@
 """Prophesee EVT 2.1: 64-bit words, each with a base pixel and a mask of 32 pixels to its right.
 
 Layout: docs.prophesee.ai, "EVT 2.1 format": type 4 bits, low time 6, x 11, y 11, mask 32; type 8 carries the high 28
-bits of the time. With the header's "endianness legacy" the two halves of a word are swapped. Decoded here because
-readers that look only at "evt 2" take it for EVT 2.0 and give twice the events, all wrong.
+bits of the time, type 10 an edge on a trigger input. With the header's "endianness legacy" the two halves of a word are
+swapped. Readers that look only at "evt 2" take it for EVT 2.0 and give twice the events, all wrong.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
+from jaxtyping import Int64, UInt64
 
-from etnet.events.formats.base import Opened, Remarks, Request
-from etnet.events.formats.decode import Decoded, collect
-from etnet.events.formats.prophesee.raw import CLOCK_PERIOD, Header, tell_turns
-from etnet.events.formats.word_stream import held, set_bits, unrolled
+from etnet.events.formats.decode import Decoded
+from etnet.events.formats.prophesee.evt2_evt3 import (
+    TRIGGER,
+    Notes,
+    State,
+    Version,
+    held_stamps,
+    high_times,
+    timed_places,
+)
+from etnet.events.formats.word_stream import set_bits
 
-_NEGATIVE, _POSITIVE, _TIME_HIGH = 0x0, 0x1, 0x8
-_BLOCK = 1 << 16
-
-
-def open_evt21(request: Request, header: Header) -> Opened:
-    """Decode the whole file."""
-    remarks = Remarks()
-    declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
-    size = request.path.stat().st_size - header.num_bytes
-    if size % 8:
-        remarks.repaired(f"{size % 8} bytes after the last whole word were left out; the file may be truncated")
-    is_legacy = header.fields.get("endianness", "little") == "legacy"
-    collected = collect(request, _pieces(request, header, size // 8, is_legacy), declared, remarks)
-    tell_turns(collected, remarks)
-    return Opened("Prophesee EVT2.1", collected.source, collected.sensor, collected.span, tuple(remarks.kept))
+_HIGH = 8
 
 
-def _pieces(request: Request, header: Header, num_words: int, is_legacy: bool) -> Iterator[Decoded]:
-    high, last, turns, is_started = 0, None, 0, False
-    with request.path.open("rb") as file:
-        file.seek(header.num_bytes)
-        done = 0
-        while done < num_words and (block := file.read(8 * min(_BLOCK, num_words - done))):
-            words = np.frombuffer(block[: len(block) // 8 * 8], "<u8")
-            done += len(words)
-            if is_legacy:
-                words = (words << np.uint64(32)) | (words >> np.uint64(32))
-            kind = (words >> np.uint64(60)).astype(np.uint8)
-            is_high = kind == _TIME_HIGH
-            highs = ((words >> np.uint64(32)) & np.uint64(0x0FFFFFFF)).astype(np.int64)
-            times = (held(highs, is_high, high) << 6) | ((words >> np.uint64(54)) & np.uint64(0x3F)).astype(np.int64)
-            # Words before the first high time have no time at all.
-            chosen = (kind == _NEGATIVE) | (kind == _POSITIVE)
-            if not is_started and bool(is_high.any()):
-                chosen[: int(np.argmax(is_high))] = False
-                is_started = True
-            elif not is_started:
-                chosen[:] = False
-            if bool(is_high.any()):
-                high = int(highs[np.flatnonzero(is_high)[-1]])
-            picked, stamps = words[chosen], times[chosen]
-            last_raw = int(stamps[-1]) if len(stamps) else last
-            stamps, turns = unrolled(stamps, CLOCK_PERIOD, last, turns)
-            last = last_raw
-            rows, bits = set_bits((picked & np.uint64(0xFFFFFFFF)).astype(np.uint32))
-            x = ((picked >> np.uint64(43)) & np.uint64(0x7FF)).astype(np.int64)[rows] + bits
-            y = ((picked >> np.uint64(32)) & np.uint64(0x7FF)).astype(np.uint16)[rows]
-            yield Decoded(x, y, stamps[rows], (kind[chosen] == _POSITIVE)[rows], done / num_words)
+def decode_evt21(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) -> tuple[Decoded, State]:
+    """The events of one block, those of a word in the order of x."""
+    kind = (words >> np.uint64(60)).astype(np.uint8)
+    highs, triggers = np.flatnonzero(kind == _HIGH), np.flatnonzero(kind == TRIGGER)
+    places = timed_places(np.flatnonzero(kind < 2), highs, state, notes)
+    times, after = high_times((words[highs] >> np.uint64(32)) & np.uint64(0xFFFFFFF), 28, state)
+    since = np.append(np.int64(max(state.high, 0) + (state.turns << 28)), times)
+    _note_triggers(words[triggers], since, np.searchsorted(highs, triggers), state, notes)
+    picked = words[places]
+    stamps = _stamps(picked, since[np.searchsorted(highs, places)])
+    stamps = held_stamps(stamps, state.last, notes)
+    rows, bits = set_bits((picked & np.uint64(0xFFFFFFFF)).astype(np.uint32))
+    x = ((picked >> np.uint64(43)) & np.uint64(0x7FF)).astype(np.int64)[rows] + bits
+    y = ((picked >> np.uint64(32)) & np.uint64(0x7FF)).astype(np.uint16)[rows]
+    last = int(stamps[-1]) if len(stamps) else state.last
+    return Decoded(x, y, stamps[rows], (kind[places] == 1)[rows]), after._replace(last=last)
+
+
+def _decode_legacy(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) -> tuple[Decoded, State]:
+    return decode_evt21((words << np.uint64(32)) | (words >> np.uint64(32)), state, notes)
+
+
+def _skim(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) -> tuple[int, State]:
+    decoded, after = decode_evt21(words, state, notes)
+    return len(decoded.t), after
+
+
+def _skim_legacy(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) -> tuple[int, State]:
+    decoded, after = _decode_legacy(words, state, notes)
+    return len(decoded.t), after
+
+
+EVT21 = Version(np.dtype("<u8"), decode_evt21, _skim)
+EVT21_LEGACY = Version(np.dtype("<u8"), _decode_legacy, _skim_legacy)
+
+
+def _stamps(words: UInt64[np.ndarray, " n"], high: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " n"]:
+    return high << 6 | ((words >> np.uint64(54)) & np.uint64(0x3F)).astype(np.int64)
+
+
+def _note_triggers(
+    words: UInt64[np.ndarray, " n"],
+    since: Int64[np.ndarray, " m"],
+    before: Int64[np.ndarray, " n"],
+    state: State,
+    notes: Notes,
+) -> None:
+    """Bits 44–40 are the input's number, bit 32 tells a rising edge. `before` counts the high times before each."""
+    is_timed = (before > 0) | (state.high >= 0)
+    channels = ((words >> np.uint64(40)) & np.uint64(0x1F)).astype(np.int16)
+    edges = ((words >> np.uint64(32)) & np.uint64(1)).astype(np.int8) * 2 - 1
+    notes.triggers.add(_stamps(words, since[before])[is_timed], channels[is_timed], edges[is_timed])

@@ -2,20 +2,23 @@
 
 Layouts: docs.prophesee.ai, "EVT 2.0 format" (32-bit words: type 4 bits, low time 6, x 11, y 11; type 8 carries the high
 28 bits of the time) and "EVT 3.0 format" (16-bit words: type 4 bits, then 12 bits of y, x, masks
-of 12 or 8 pixels, or time).
+of 12 or 8 pixels, or time). In both, type 10 is an edge on a trigger input: its lowest bit tells a rising one, and 4 or
+5 bits from the 8th on the input's number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int64, Integer, Shaped, UInt8, UInt16, UInt32
 
 from etnet.events.formats.decode import Decoded
+from etnet.events.formats.trigger_table import TriggerTable
 
+TRIGGER = 10
 _EVT2_HIGH = 8
 _Y, _X, _BASE, _VECTOR_12, _VECTOR_8, _LOW, _HIGH, _OTHER = 0, 2, 3, 4, 5, 6, 8, 15
 
@@ -37,11 +40,12 @@ class State(NamedTuple):
 
 @dataclass
 class Notes:
-    """What was odd, over all blocks."""
+    """What was odd, and what lay between the events, over all blocks."""
 
     num_untimed: int = 0
     num_held: int = 0
     farthest_back: int = 0
+    triggers: TriggerTable = field(default_factory=TriggerTable, compare=False)
 
 
 Decode = Callable[[np.ndarray, State, Notes], tuple[Decoded, State]]
@@ -62,16 +66,34 @@ def decode_evt2(words: UInt32[np.ndarray, " n"], state: State, notes: Notes) -> 
     """One word an event."""
     kind = words >> np.uint32(28)
     highs, places = np.flatnonzero(kind == _EVT2_HIGH), np.flatnonzero(kind < 2)
-    places = _timed(places, highs, state, notes)
+    triggers = np.flatnonzero(kind == TRIGGER)
+    places = timed_places(places, highs, state, notes)
     events = words[places]
-    times, after = _high_times(words[highs] & 0xFFFFFFF, 28, state)
+    times, after = high_times(words[highs] & 0xFFFFFFF, 28, state)
+    _note_evt2_triggers(words[triggers], np.searchsorted(highs, triggers), times, state, notes)
     t = _filled(times, np.searchsorted(places, highs), len(events), max(state.high, 0) + (state.turns << 28))
     t <<= 6
     t |= (events >> np.uint32(22)) & 0x3F
-    t = _held(t, state.last, notes)
+    t = held_stamps(t, state.last, notes)
     x, y = ((events >> np.uint32(11)) & 0x7FF).astype(np.uint16), (events & 0x7FF).astype(np.uint16)
     last = int(t[-1]) if len(t) else state.last
     return Decoded(x, y, t, (events >> np.uint32(28)).astype(bool)), after._replace(last=last)
+
+
+def _note_evt2_triggers(
+    words: UInt32[np.ndarray, " n"],
+    before: Int64[np.ndarray, " n"],
+    times: Int64[np.ndarray, " m"],
+    state: State,
+    notes: Notes,
+) -> None:
+    """`before` counts the high times before each; what comes before the stream's first one has no time."""
+    start = max(state.high, 0) + (state.turns << 28)
+    high = np.append(np.int64(start), times)[before]
+    stamps = high << 6 | ((words >> np.uint32(22)) & np.uint32(0x3F)).astype(np.int64)
+    timed = (before > 0) | (state.high >= 0)
+    channels, edges = (words >> np.uint32(8)) & np.uint32(0x1F), (words & np.uint32(1)).astype(np.int8) * 2 - 1
+    notes.triggers.add(stamps[timed], channels[timed], edges[timed])
 
 
 def _skim_evt2(words: UInt32[np.ndarray, " n"], state: State, notes: Notes) -> tuple[int, State]:
@@ -83,6 +105,7 @@ def decode_evt3(words: UInt16[np.ndarray, " n"], state: State, notes: Notes) -> 
     """Words with memory: y, time and the base of masks hold for the words after them."""
     kind = _kinds(words, state, notes)
     clock, times, after = _clock(words, kind, state, notes)
+    _note_evt3_triggers(words, kind, clock, times, state, notes)
     is_single = kind == _X
     singles = np.flatnonzero(is_single)
     vectors = np.flatnonzero((kind == _VECTOR_12) | (kind == _VECTOR_8))
@@ -95,28 +118,26 @@ def decode_evt3(words: UInt16[np.ndarray, " n"], state: State, notes: Notes) -> 
     num = int(before[-1]) if len(before) else 0
     lines, bases = np.flatnonzero(kind == _Y), np.flatnonzero(kind == _BASE)
     y = _filled(words[lines] & np.uint16(0x7FF), before[lines], num, state.y)
-    # Times never step back, so the last one is the largest, which is found faster than by `_filled`.
-    t = np.zeros(num + 1, np.int64)
-    t[before[clock]] = times
-    t[0] = max(t[0], state.last)
-    t = np.maximum.accumulate(t)[:num]
+    t = _filled(times, before[clock], num, state.last)
     if len(lines):
         after = after._replace(y=int(words[lines[-1]] & 0x7FF))
     start, base_on, after = _vector_starts(words[bases], np.searchsorted(vectors, bases), sort, after)
     if not len(vectors):
         pixels = words[singles]
         return Decoded(pixels & np.uint16(0x7FF), y, t, pixels & np.uint16(0x800) != 0), after
-    pixels = np.empty(num, np.uint16)
-    pixels[before[singles] - 1] = words[singles]
-    x, on = pixels & np.uint16(0x7FF), pixels & np.uint16(0x800) != 0
-    x = _put_masks(x, on, before[vectors], Masks(masks, start, base_on))
+    masked = Masks(masks, counts[vectors], start, base_on)
+    if not len(singles):
+        x, on = _columns_of(masked)
+        return Decoded(x, y, t, on), after
+    x, on = _with_masks(words[singles], before[singles], before[vectors], masked)
     return Decoded(x, y, t, on), after
 
 
 def _skim_evt3(words: UInt16[np.ndarray, " n"], state: State, notes: Notes) -> tuple[int, State]:
     """Without the events' pixels: a third of the work."""
     kind = _kinds(words, state, notes)
-    _, _, after = _clock(words, kind, state, notes)
+    clock, times, after = _clock(words, kind, state, notes)
+    _note_evt3_triggers(words, kind, clock, times, state, notes)
     lines, bases = np.flatnonzero(kind == _Y), np.flatnonzero(kind == _BASE)
     if len(lines):
         after = after._replace(y=int(words[lines[-1]] & 0x7FF))
@@ -140,8 +161,32 @@ def _kinds(words: UInt16[np.ndarray, " n"], state: State, notes: Notes) -> UInt8
         early = kind[: int(np.argmax(kind == _HIGH)) if (kind == _HIGH).any() else len(kind)]
         is_event = (early == _X) | (early == _VECTOR_12) | (early == _VECTOR_8)
         notes.num_untimed += int(np.count_nonzero(is_event))
-        early[is_event] = _OTHER
+        early[is_event | (early == TRIGGER)] = _OTHER
     return kind
+
+
+def _note_evt3_triggers(
+    words: UInt16[np.ndarray, " n"],
+    kind: UInt8[np.ndarray, " n"],
+    clock: Int64[np.ndarray, " m"],
+    times: Int64[np.ndarray, " m"],
+    state: State,
+    notes: Notes,
+) -> None:
+    """Triggers have the time of the last time word before them."""
+    places = np.flatnonzero(kind == TRIGGER)
+    if len(places):
+        stamps = np.append(np.int64(state.last), times)[np.searchsorted(clock, places)]
+        found = words[places]
+        edges = (found & np.uint16(1)).astype(np.int8) * 2 - 1
+        notes.triggers.add(stamps, (found >> np.uint16(8)) & np.uint16(0xF), edges)
+
+
+def clock_words(
+    words: UInt16[np.ndarray, " n"], state: State, notes: Notes
+) -> tuple[Int64[np.ndarray, " m"], Int64[np.ndarray, " m"], State]:
+    """Where EVT 3.0's time words are among `words`, the stamp from each on, and the state with the time after them."""
+    return _clock(words, _kinds(words, state, notes), state, notes)
 
 
 def _clock(
@@ -152,14 +197,14 @@ def _clock(
     is_high = kind[clock] == _HIGH
     highs = np.flatnonzero(is_high)
     value = words[clock] & np.uint16(0xFFF)
-    high_times, after = _high_times(value[highs], 12, state)
+    after_high, after = high_times(value[highs], 12, state)
     # A high time begins with the low time 0.
     times = value.astype(np.int64)
     times[highs] = 0
     start = max(state.high, 0) + (state.turns << 12)
-    times |= np.repeat(np.append(np.int64(start), high_times), np.diff(highs, prepend=0, append=len(clock))) << 12
+    times |= np.repeat(np.append(np.int64(start), after_high), np.diff(highs, prepend=0, append=len(clock))) << 12
     # Cameras repeat the high time as they go, with no step back: only low times tell of one.
-    times = _held(times, state.last, notes, ~is_high)
+    times = held_stamps(times, state.last, notes, ~is_high)
     return clock, times, after._replace(last=int(times[-1]) if len(times) else state.last)
 
 
@@ -179,26 +224,51 @@ def _vector_starts(
 
 @dataclass(frozen=True)
 class Masks:
-    """Words with a mask: its bits, the pixel of its first bit, the polarity."""
+    """Words with a mask: its bits, how many are set, the pixel of its first bit, the polarity."""
 
     bits: UInt16[np.ndarray, " n"]
+    counts: UInt8[np.ndarray, " n"]
     start: Int64[np.ndarray, " n"]
     is_on: Bool[np.ndarray, " n"]
 
 
-def _put_masks(
-    x: UInt16[np.ndarray, " n"], on: Bool[np.ndarray, " n"], ends: Integer[np.ndarray, " m"], masks: Masks
-) -> Shaped[np.ndarray, " n"]:
-    """x with the events of masks in it, each mask's up to its end; their polarity is put in `on`."""
-    counts = np.bitwise_count(masks.bits).astype(np.int64)
-    bits = np.flatnonzero(np.unpackbits(masks.bits.view(np.uint8), bitorder="little")) & 15
-    places = np.repeat(ends - np.cumsum(counts), counts) + np.arange(len(bits))
-    x_of_masks = np.repeat(masks.start, counts) + bits
-    if x_of_masks.max(initial=0) >= 1 << 16:
-        # A base that was moved as far is no pixel: whoever collects the events says so.
-        x = x.astype(np.int64)
-    x[places], on[places] = x_of_masks, np.repeat(masks.is_on, counts)
-    return x
+def _columns_of(masks: Masks) -> tuple[Integer[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """x and polarity of all pixels in masks, in the order of the masks and of x."""
+    bits = np.flatnonzero(np.unpackbits(masks.bits.view(np.uint8), bitorder="little"))
+    # Bits are counted on from mask to mask, 16 in each.
+    x = np.repeat(masks.start - 16 * np.arange(len(masks.start)), masks.counts)
+    x += bits
+    # A base that was moved beyond 16 bits is no pixel: the pixel is named as the events are collected.
+    is_pixel = not len(masks.start) or int(masks.start.max()) < (1 << 16) - 16
+    return x.astype(np.uint16) if is_pixel else x, np.repeat(masks.is_on, masks.counts)
+
+
+def _with_masks(
+    singles: UInt16[np.ndarray, " k"],
+    ends_of_singles: Integer[np.ndarray, " k"],
+    ends_of_masks: Integer[np.ndarray, " m"],
+    masks: Masks,
+) -> tuple[Integer[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """x and polarity of all events: masks and words with one pixel, each up to its end among the events."""
+    x_of_masks, on_of_masks = _columns_of(masks)
+    num = len(singles) + len(x_of_masks)
+    if 2 * len(singles) < num:
+        places = ends_of_singles - 1
+        is_masked = np.ones(num, bool)
+        is_masked[places] = False
+        x, on = np.empty(num, x_of_masks.dtype), np.empty(num, bool)
+        x[is_masked], on[is_masked] = x_of_masks, on_of_masks
+        x[places], on[places] = singles & np.uint16(0x7FF), singles & np.uint16(0x800) != 0
+        return x, on
+    first = ends_of_masks - np.cumsum(masks.counts, dtype=np.int64)
+    places = np.repeat(first, masks.counts) + np.arange(len(x_of_masks))
+    is_single = np.ones(num, bool)
+    is_single[places] = False
+    pixels = np.empty(num, np.uint16)
+    pixels[is_single] = singles
+    x, on = (pixels & np.uint16(0x7FF)).astype(x_of_masks.dtype, copy=False), pixels & np.uint16(0x800) != 0
+    x[places], on[places] = x_of_masks, on_of_masks
+    return x, on
 
 
 def _masks(words: UInt16[np.ndarray, " n"], kind: UInt8[np.ndarray, " n"]) -> UInt16[np.ndarray, " n"]:
@@ -216,7 +286,7 @@ def _filled(
     return np.repeat(np.concatenate([first, values]), counts)
 
 
-def _high_times(values: Shaped[np.ndarray, " m"], bits: int, state: State) -> tuple[Int64[np.ndarray, " m"], State]:
+def high_times(values: Shaped[np.ndarray, " m"], bits: int, state: State) -> tuple[Int64[np.ndarray, " m"], State]:
     """High times as ever growing ones, and the state after them."""
     counters = values.astype(np.int64)
     if len(counters) == 0:
@@ -226,7 +296,7 @@ def _high_times(values: Shaped[np.ndarray, " m"], bits: int, state: State) -> tu
     return counters + (turns << bits), state._replace(turns=int(turns[-1]), high=int(counters[-1]))
 
 
-def _timed(
+def timed_places(
     places: Int64[np.ndarray, " n"], highs: Int64[np.ndarray, " m"], state: State, notes: Notes
 ) -> Int64[np.ndarray, " k"]:
     """Without the event words before the stream's first high time."""
@@ -237,7 +307,7 @@ def _timed(
     return places[first:]
 
 
-def _held(
+def held_stamps(
     t: Int64[np.ndarray, " n"], last: int, notes: Notes, is_told: Bool[np.ndarray, " n"] | bool = True
 ) -> Int64[np.ndarray, " n"]:
     """Stamps that step back are held at the largest one before them; noted where `is_told`."""

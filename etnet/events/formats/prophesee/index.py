@@ -40,7 +40,8 @@ class Growing:
         notes = [self.notes.num_untimed, self.notes.num_held, self.notes.farthest_back]
         states, before, until = self.states[: count + 1], self.before[: count + 1], self.until[:count]
         named = {"states": states, "before": before, "until": until, "notes": notes}
-        return {name: np.array(values, np.int64) for name, values in named.items()}
+        arrays = {name: np.array(values, np.int64) for name, values in named.items()}
+        return arrays | {"triggers": self.notes.triggers.rows}
 
 
 _growing: OrderedDict[Path, Growing] = OrderedDict()
@@ -158,4 +159,5 @@ def _fits(kept: Arrays, num_blocks: int) -> bool:
         "until": (num_blocks,),
         "notes": (3,),
     }
-    return all(name in kept and kept[name].shape == shape for name, shape in wanted.items())
+    has_triggers = "triggers" in kept and kept["triggers"].shape[1:] == (3,)
+    return has_triggers and all(name in kept and kept[name].shape == shape for name, shape in wanted.items())

@@ -1,4 +1,4 @@
-"""EVT 2.0 and 3.0: a large file is gone through once for an index of its blocks, which is kept, and read by slice."""
+"""RAW files: a large one is gone through once for an index of its blocks, which is kept, and read by slice."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from jaxtyping import Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.base import Remarks, Request
-from etnet.events.formats.columns import LARGEST_STAMP, deduced_sensor, signed_polarity
+from etnet.events.formats.columns import LARGEST_STAMP
 from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
 from etnet.events.formats.paged import check_slice
-from etnet.events.formats.prophesee.evt2_evt3 import EVT, Notes, State, Version
+from etnet.events.formats.pixels import deduced_sensor
+from etnet.events.formats.polarity import signed_polarity
+from etnet.events.formats.prophesee.evt2_evt3 import Notes, State, Version
+from etnet.events.formats.prophesee.header import Header
 from etnet.events.formats.prophesee.index import Blocks, index_of
-from etnet.events.formats.prophesee.raw import Header
+from etnet.events.formats.trigger_table import TriggerTable
 from etnet.events.index_store import Arrays
 from etnet.events.recording import EventSource, Span
 
@@ -28,6 +31,12 @@ HELD_BYTES = 96 << 20
 
 _BYTES_PER_EVENT = 13
 _SOME_BLOCKS = 32
+
+_FARTHEST_SLIP = 1_000_000
+"""µs. Beyond it a step back is no slip of the camera's clock, …"""
+
+_MOST_HELD = 0.01
+"""… and where so large a share of the stamps would be held at the last one before, they would mean nothing."""
 
 
 @dataclass(frozen=True)
@@ -87,32 +96,38 @@ class IndexedSource:
         """The file belongs to the request's resources."""
 
 
-def open_indexed(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
+def open_indexed(
+    request: Request, header: Header, version: Version, declared: Sensor | None, remarks: Remarks
+) -> Collected:
     """The events by slice; the index from the cache folder, else made now as far as the request's patience goes."""
-    blocks, t0 = _blocks(request, header, remarks)
-    index, growth = index_of(request, blocks, header.version or "", remarks)
+    blocks, t0 = _blocks(request, header, version, remarks)
+    index, growth = index_of(request, blocks, header.layout, remarks)
     if index["before"][-1] == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    _say(index["notes"], remarks)
+    _say(index["notes"], int(index["before"][-1]), request.name, remarks)
+    table = TriggerTable()
+    table.add(*index["triggers"].T)
     file = request.resources.enter_context(request.path.open("rb"))
     sensor = stated_sensor(request, declared, remarks)
     source = IndexedSource(request, blocks, file, index, t0, sensor or Sensor(1 << 16, 1 << 16))
     if sensor is None:
         sensor = _probed_sensor(source, request, remarks)
         source = replace(source, sensor=sensor)
-    return Collected(source, sensor, _span(source), growth)
+    return Collected(source, sensor, _span(source), growth, table.triggers(remarks, t0))
 
 
-def decode_all(request: Request, header: Header, declared: Sensor | None, remarks: Remarks) -> Collected:
+def decode_all(
+    request: Request, header: Header, version: Version, declared: Sensor | None, remarks: Remarks
+) -> Collected:
     """The events of a small file, decoded at once."""
-    blocks, t0 = _blocks(request, header, remarks)
+    blocks, t0 = _blocks(request, header, version, remarks)
 
     def parts() -> Iterator[tuple[np.ndarray, float]]:
         with request.path.open("rb") as file:
             for i in range(blocks.num_blocks):
                 yield blocks.words(file, i), (i + 1) / blocks.num_blocks
 
-    return decode_words(request, blocks.version, parts(), t0, declared, remarks)
+    return decode_words(request, version, parts(), t0, declared, remarks)
 
 
 def decode_words(
@@ -135,13 +150,13 @@ def decode_words(
     collected = collect(request, pieces(), declared, remarks)
     if collected.source.num_events == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    _say(np.array([notes.num_untimed, notes.num_held, notes.farthest_back]), remarks)
-    return collected
+    told = np.array([notes.num_untimed, notes.num_held, notes.farthest_back])
+    _say(told, collected.source.num_events, request.name, remarks)
+    return replace(collected, triggers=notes.triggers.triggers(remarks, t0))
 
 
-def _blocks(request: Request, header: Header, remarks: Remarks) -> tuple[Blocks, int]:
+def _blocks(request: Request, header: Header, version: Version, remarks: Remarks) -> tuple[Blocks, int]:
     """The words after the header, and the stamp from which they count."""
-    version = EVT[header.version or ""]
     size = request.path.stat().st_size - header.num_bytes
     rest = size % version.word.itemsize
     if rest:
@@ -158,8 +173,13 @@ def _span(source: EventSource) -> Span:
     return Span(int(source.read(0, 1).t[0]), int(source.read(last, last + 1).t[0]))
 
 
-def _say(notes: Int64[np.ndarray, " 3"], remarks: Remarks) -> None:
+def _say(notes: Int64[np.ndarray, " 3"], num_events: int, name: str, remarks: Remarks) -> None:
     num_untimed, num_held, farthest = (int(value) for value in notes)
+    if farthest > _FARTHEST_SLIP and num_held > _MOST_HELD * num_events:
+        raise RecordingError(
+            f"{name}: time runs back by {farthest / 1e6:.1f} s and stays behind for {num_held:,} stamps: the clock "
+            "restarts (several recordings in one file: cut it where each begins) or a time in it is damaged"
+        )
     if num_untimed:
         remarks.repaired(f"{num_untimed} words before the stream's first time were left out")
     if num_held:

@@ -1,130 +1,48 @@
 """Prophesee RAW files: the header, and who decodes what follows it.
 
-Header keys: docs.prophesee.ai, "RAW file format". EVT 2.0 and 3.0 are decoded in `indexed_raw`, EVT 2.1 in `evt21`.
+How the words of each EVT version are read stands in `evt2_evt3` and `evt21`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from etnet.errors import RecordingError
-from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request
-from etnet.events.formats.decode import Collected
+from etnet.events.formats.prophesee.evt2_evt3 import EVT
+from etnet.events.formats.prophesee.evt21 import EVT21, EVT21_LEGACY
+from etnet.events.formats.prophesee.header import read_header, tell_turns
+from etnet.events.formats.prophesee.indexed import decode_all, open_indexed
 
 INDEXED_BYTES = 64 << 20
 """Files from this size on are indexed and read by slice; smaller ones are decoded at once."""
 
-CLOCK_PERIOD = 1 << 34
-"""µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 begin anew."""
-
-_PLUGINS = (
-    ("gen31", Sensor(640, 480)),
-    ("gen3", Sensor(640, 480)),
-    ("gen41", Sensor(1280, 720)),
-    ("gen4", Sensor(1280, 720)),
-    ("imx636", Sensor(1280, 720)),
-    ("genx320", Sensor(320, 320)),
-)
-_SYSTEMS = {21: Sensor(640, 480), 28: Sensor(1280, 720), 29: Sensor(1280, 720), 49: Sensor(1280, 720)}
-_LARGEST_HEADER = 1 << 16
-
-
-@dataclass(frozen=True)
-class Header:
-    """The lines "% key value" at a file's start, and how many bytes they take."""
-
-    fields: dict[str, str]
-    num_bytes: int
-
-    @property
-    def version(self) -> str | None:
-        """EVT version as "2.0", "2.1" or "3.0"; None if the header names none."""
-        if "evt" in self.fields:
-            return self.fields["evt"].split()[0]
-        name = self.fields.get("format", "").split(";")[0].strip().upper()
-        return {"EVT2": "2.0", "EVT21": "2.1", "EVT3": "3.0"}.get(name)
-
-    def sensor(self, name: str, remarks: Remarks, is_stated: bool) -> Sensor | None:
-        """From geometry, format or (saying so) the camera's model."""
-        sides = self.fields.get("geometry", "").split("x")
-        options = dict(part.split("=", 1) for part in self.fields.get("format", "").split(";") if "=" in part)
-        if len(sides) != 2:
-            sides = [options.get("width", ""), options.get("height", "")]
-        if len(sides) != 2 or not all(side.strip().isdigit() for side in sides):
-            sides = [self.fields.get("Width", ""), self.fields.get("Height", "")]
-        if all(side.strip().isdigit() for side in sides):
-            width, height = (int(side) for side in sides)
-            if not (0 < width <= 65_536 and 0 < height <= 65_536):
-                raise RecordingError(f"{name}: its header gives the sensor {width} × {height}; sides are 1 … 65,536")
-            return Sensor(width, height)
-        if is_stated:
-            return None
-        plugin = self.fields.get("plugin_name", "")
-        for part, sensor in _PLUGINS:
-            if part in plugin:
-                remarks.assumed(f"sensor {sensor}, that of {plugin}; the header names none: --assume overrules")
-                return sensor
-        system = self.fields.get("system_ID", "")
-        if system.isdigit() and int(system) in _SYSTEMS:
-            sensor = _SYSTEMS[int(system)]
-            remarks.assumed(f"sensor {sensor}, that of system_ID {system}; the header names none: --assume overrules")
-            return sensor
-        return None
-
-
-def read_header(request: Request) -> Header:
-    """Read the lines that begin with "% "; a line "% end" closes them."""
-    fields: dict[str, str] = {}
-    with request.path.open("rb") as file:
-        block = file.read(_LARGEST_HEADER)
-    place = 0
-    while block[place : place + 1] == b"%":
-        # The data may begin with the byte of "%" too: a header line is printable up to its end.
-        stop = block.find(b"\n", place)
-        line = block[place : stop + 1] if stop >= 0 else b""
-        if not line or not all(byte in (9, 10, 13) or 32 <= byte < 127 for byte in line):
-            break
-        place = stop + 1
-        key, _, value = line[1:].decode("ascii").strip().partition(" ")
-        if key == "end":
-            break
-        fields[key] = value.strip()
-    return Header(fields, place)
-
-
-def tell_turns(collected: Collected, remarks: Remarks) -> None:
-    """Say that the clock of EVT 2.0 and 2.1 began anew. EVT 3.0's does so every 17 s, by design."""
-    if collected.span.stop >= CLOCK_PERIOD:
-        remarks.repaired("the 34-bit clock begins anew (every 4.8 hours) and was unrolled")
+_LATER = {"2.1": EVT21, "2.1 legacy": EVT21_LEGACY}
 
 
 def _open(request: Request) -> Opened:
     header = read_header(request)
-    version = header.version
-    if version == "2.1":
-        # Imported here, for evt21 needs this module's header.
-        from etnet.events.formats.prophesee.evt21 import open_evt21
-
-        return open_evt21(request, header)
-    if version not in ("2.0", "3.0"):
+    version = EVT.get(header.layout) or _LATER.get(header.layout)
+    if version is None:
         raise RecordingError(
-            f"{request.name}: a RAW file of EVT version {version or 'not named'}; 2.0, 2.1 and 3.0 are read"
+            f"{request.name}: a RAW file of EVT version {header.version or 'not named'}; 2.0, 2.1 and 3.0 are read"
         )
     remarks = Remarks()
     declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
-    kind = f"Prophesee EVT{version[0]}"
-    # Imported here, for it needs this module's header.
-    from etnet.events.formats.prophesee.indexed import decode_all, open_indexed
-
     is_large = request.path.stat().st_size >= INDEXED_BYTES and not request.assume.drop_outside
-    collected = (open_indexed if is_large else decode_all)(request, header, declared, remarks)
+    reader = open_indexed if is_large else decode_all
+    collected = reader(request, header, version, declared, remarks)
     if "camera" not in header.fields and "plugin_name" in header.fields:
         remarks.detected(f"camera {header.fields['plugin_name']}")
-    if version == "2.0":
+    if header.version != "3.0":
         tell_turns(collected, remarks)
-    told = tuple(remarks.kept)
-    return Opened(kind, collected.source, collected.sensor, collected.span, told, growth=collected.growth)
+    return Opened(
+        f"Prophesee EVT{(header.version or '').removesuffix('.0')}",
+        collected.source,
+        collected.sensor,
+        collected.span,
+        tuple(remarks.kept),
+        growth=collected.growth,
+        triggers=collected.triggers,
+    )
 
 
 def _is_raw(request: Request) -> bool:

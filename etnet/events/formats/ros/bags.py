@@ -1,38 +1,39 @@
-"""ROS recordings: ROS 1 bags (through `rosbags`), ROS 2 MCAP and SQLite files, alone or in their folder."""
+"""ROS recordings: ROS 1 bags, ROS 2 MCAP and SQLite files, alone or in their folder."""
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag1 import Reader as Ros1Reader
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
+from etnet.events.formats.bounds import declared_sensor
 from etnet.events.formats.decode import Collected, Decoded, collect
-from etnet.events.formats.prophesee.evt2_evt3 import EVT
+from etnet.events.formats.prophesee.evt2_evt3 import EVT, Version
+from etnet.events.formats.prophesee.evt21 import EVT21, EVT21_LEGACY
 from etnet.events.formats.prophesee.index import BLOCK_BYTES
 from etnet.events.formats.prophesee.indexed import decode_words
+from etnet.events.formats.ros.bag1 import read_bag
+from etnet.events.formats.ros.containers import Contents, Message, plain_type
+from etnet.events.formats.ros.database import read_database
 from etnet.events.formats.ros.event_packets import decode_libcaer, decode_libcaer_cmp
 from etnet.events.formats.ros.folder import SUFFIXES, parts_in_order
-from etnet.events.formats.ros.mcap import MAGIC, Message, read_mcap
-from etnet.events.formats.ros.messages import (
-    EVENT_ARRAYS,
-    EVENT_PACKETS,
-    IMAGES,
-    Packet,
-    parse_array,
-    parse_packet,
-    plain_type,
-)
+from etnet.events.formats.ros.image_messages import IMAGES
+from etnet.events.formats.ros.mcap import MAGIC, read_mcap
+from etnet.events.formats.ros.messages import EVENT_ARRAYS, EVENT_PACKETS, Packet, parse_array, parse_packet
 from etnet.events.formats.ros.pictures import Pictures
 
 _SQLITE = b"SQLite format 3\0"
+_STREAMS = {"evt3": EVT["3.0"], "evt2": EVT["2.0"], "evt21": EVT21}
+"""Encodings of packets that put together are a stream of a Prophesee camera."""
+
+ReadMessages = Callable[[Path, Contents], Iterator[Message]]
 
 
 @dataclass
@@ -49,6 +50,8 @@ class _Bag:
     cut: str | None = None
     done: float = 0.0
     """How much of the file the messages so far are, 0 … 1."""
+    is_chosen: bool = False
+    """Whether a person named the topic of the events."""
 
     def take(self, message: Message) -> Decoded | Packet | None:
         """Events of a message, decoded or still in their packet; None if it holds none of the topic that is read."""
@@ -76,40 +79,17 @@ class _Bag:
             return decode_libcaer(packet)._replace(fraction=message.fraction)
         if packet.encoding == "libcaer_cmp":
             return decode_libcaer_cmp(packet)._replace(fraction=message.fraction)
-        if packet.encoding != "evt3":
+        if packet.encoding not in _STREAMS:
             raise RecordingError(
-                f'{self.request.name}: event packets in "{packet.encoding}"; evt3, libcaer and libcaer_cmp are read'
+                f'{self.request.name}: event packets in "{packet.encoding[:40]}"; evt2, evt21, evt3, libcaer and '
+                "libcaer_cmp are read"
             )
         return packet
 
     def _size(self, width: int, height: int) -> None:
         if self.sensor is None and width and height:
-            self.sensor = Sensor(width, height)
-
-
-def _messages_of_bag(path: Path) -> Iterator[Message]:
-    with Ros1Reader(path) as reader:
-        wanted = [c for c in reader.connections if plain_type(c.msgtype) in EVENT_ARRAYS + EVENT_PACKETS + IMAGES]
-        total = max(1, sum(connection.msgcount for connection in wanted))
-        if not wanted:
-            return
-        for done, (connection, _, content) in enumerate(reader.messages(wanted), 1):
-            yield Message(connection.topic, connection.msgtype, bytes(content), done / total)
-
-
-def _messages_of_database(path: Path) -> Iterator[Message]:
-    # A URI with mode=ro and immutable=1 writes no journal beside the file.
-    database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
-    try:
-        total = max(1, database.execute("SELECT count(*) FROM messages").fetchone()[0])
-        rows = database.execute(
-            "SELECT topics.name, topics.type, messages.data FROM messages JOIN topics ON messages.topic_id = topics.id "
-            "ORDER BY messages.timestamp, messages.id"
-        )
-        for done, (topic, kind, content) in enumerate(rows, 1):
-            yield Message(str(topic), str(kind), bytes(content), done / total)
-    finally:
-        database.close()
+            where = f"{self.request.name}: a message of {self.event_topic}"
+            self.sensor = declared_sensor(width, height, where, self.request.assume.max_pixels)
 
 
 def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Decoded | Packet]:
@@ -132,26 +112,55 @@ def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Deco
             yield part
 
 
-def _open_messages(request: Request, what: str, messages: Iterator[Message], is_cdr: bool, remarks: Remarks) -> Opened:
-    bag = _Bag(request, is_cdr, Pictures(request.scratch, is_cdr))
+def _new_bag(request: Request, is_cdr: bool) -> _Bag:
+    """What a person chose stands before anything is read."""
+    events, _, pictures = (request.assume.topic or "").partition(",")
+    bag = _Bag(request, is_cdr, Pictures(request.scratch, is_cdr, max_pixels=request.assume.max_pixels))
+    bag.pictures.wanted = pictures.strip()
+    bag.event_topic, bag.is_chosen = events.strip(), bool(events.strip())
+    bag.pictures.belong_to(bag.event_topic)
+    return bag
+
+
+def _without_events(bag: _Bag, contents: Contents) -> RecordingError:
+    """What there is instead of the events that are wanted."""
+    with_events = [topic for topic, kind in contents.topics.items() if kind in EVENT_ARRAYS + EVENT_PACKETS]
+    if bag.is_chosen and with_events:
+        return RecordingError(
+            f"{bag.request.name}: no events of topic {bag.event_topic}; those with events are "
+            f"{', '.join(sorted(with_events)[:8])}"
+        )
+    there = [f"{topic} ({kind})" for topic, kind in sorted(contents.topics.items())]
+    more = f" and {len(there) - 8} more" if len(there) > 8 else ""
+    return RecordingError(
+        f"{bag.request.name}: no events; it holds {', '.join(there[:8]) or 'no topics'}{more}; wanted messages of "
+        f"{', '.join(EVENT_ARRAYS[:1] + EVENT_PACKETS[:1])}"
+    )
+
+
+def _open_messages(
+    request: Request, what: str, messages: Iterator[Message], contents: Contents, is_cdr: bool, remarks: Remarks
+) -> Opened:
+    bag = _new_bag(request, is_cdr)
     parts = _guarded(bag, messages, what)
     first = next(parts, None)
     if first is None:
-        raise RecordingError(
-            f"{request.name}: no events; wanted messages of {', '.join(EVENT_ARRAYS[:1] + EVENT_PACKETS[:1])}"
-        )
+        raise _without_events(bag, contents)
     if isinstance(first, Packet):
-        collected = _from_evt3(bag, first, parts, remarks)
+        collected = _from_stream(bag, first, parts, remarks)
     else:
         collected = collect(request, _decoded(first, parts), bag.sensor, remarks)
     label = f"{what}, {bag.encoding or 'dvs_msgs'}"
     remarks.detected(f"events of topic {bag.event_topic}")
     for topic in sorted(bag.others):
-        remarks.detected(f"another event topic, {topic}, is not shown")
+        remarks.detected(f"another event topic, {topic}, is not shown; --topic {topic} shows it")
+    if not contents.is_indexed:
+        remarks.repaired("the bag has no index, for its recording was not closed, and was read from front to back")
     if bag.cut is not None:
         remarks.repaired(f"the file breaks off ({bag.cut}); what comes before is kept")
     truth = bag.pictures.ground_truth(collected.span, remarks)
-    return Opened(label, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+    kept = tuple(remarks.kept)
+    return Opened(label, collected.source, collected.sensor, collected.span, kept, truth, triggers=collected.triggers)
 
 
 def _decoded(first: Decoded, parts: Iterator[Decoded | Packet]) -> Iterator[Decoded]:
@@ -161,21 +170,39 @@ def _decoded(first: Decoded, parts: Iterator[Decoded | Packet]) -> Iterator[Deco
             yield part
 
 
-def _from_evt3(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], remarks: Remarks) -> Collected:
+def _from_stream(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], remarks: Remarks) -> Collected:
     """The packets are one stream: what a word means is told by the packets before its own."""
-    evt3, num_cut = EVT["3.0"], 0
+    version, num_cut = _version(first, remarks), 0
+    size = version.word.itemsize
 
     def words() -> Iterator[tuple[np.ndarray, float]]:
         nonlocal num_cut
         for joined in _joined(first, parts):
-            num_cut += sum(len(packet.content) % evt3.word.itemsize for packet in joined)
-            whole = b"".join(packet.content[: len(packet.content) // 2 * 2] for packet in joined)
-            yield np.frombuffer(whole, evt3.word), bag.done
+            num_cut += sum(len(packet.content) % size != 0 for packet in joined)
+            whole = b"".join(packet.content[: len(packet.content) // size * size] for packet in joined)
+            yield np.frombuffer(whole, version.word), bag.done
 
-    collected = decode_words(bag.request, evt3, words(), 0, bag.sensor, remarks)
+    collected = decode_words(bag.request, version, words(), 0, bag.sensor, remarks)
     if num_cut:
-        remarks.repaired(f"{num_cut} packets end in half a word, which was left out; they may be truncated")
+        remarks.repaired(f"{num_cut} packets end within a word, which was left out; they may be truncated")
     return collected
+
+
+def _version(first: Packet, remarks: Remarks) -> Version:
+    """EVT 2.1 comes in two orders of its halves: in the right one the times ascend."""
+    if first.encoding != "evt21":
+        return _STREAMS[first.encoding]
+    words = np.frombuffer(first.content[: len(first.content) // 8 * 8], "<u8")
+    if _num_ascending(words << np.uint64(32) | words >> np.uint64(32)) > _num_ascending(words):
+        remarks.assumed("the halves of the packets' words are swapped: so their times ascend")
+        return EVT21_LEGACY
+    return EVT21
+
+
+def _num_ascending(words: np.ndarray) -> int:
+    """How many words with a high time are not before the one before them."""
+    times = (words[words >> np.uint64(60) == 8] >> np.uint64(32)).astype(np.int64)
+    return int(np.count_nonzero(np.diff(times, prepend=0) >= 0)) if len(times) else 0
 
 
 def _joined(first: Packet, parts: Iterator[Decoded | Packet]) -> Iterator[list[Packet]]:
@@ -192,22 +219,36 @@ def _joined(first: Packet, parts: Iterator[Decoded | Packet]) -> Iterator[list[P
         yield packets
 
 
-def _opener(what: str, messages: Callable[[Path], Iterator[Message]], is_cdr: bool) -> Callable[[Request], Opened]:
-    return lambda request: _open_messages(request, what, messages(request.path), is_cdr, Remarks())
+def _contents(request: Request) -> Contents:
+    wanted = EVENT_ARRAYS + EVENT_PACKETS + IMAGES
+    return Contents(lambda kind: kind in wanted, lambda fraction: request.progress(min(fraction, 0.99)))
+
+
+def _opener(what: str, read: ReadMessages, is_cdr: bool) -> Callable[[Request], Opened]:
+    def opened(request: Request) -> Opened:
+        contents = _contents(request)
+        return _open_messages(request, what, read(request.path, contents), contents, is_cdr, Remarks())
+
+    return opened
+
+
+def _tell_part(request: Request, number: int, count: int, fraction: float) -> None:
+    request.progress(min((number + fraction) / count, 0.99))
 
 
 def _open_folder(request: Request) -> Opened:
     """The folder of a ROS 2 recording: its parts one after the other."""
-    remarks, store = Remarks(), FolderStore(request.path)
+    remarks, store, contents = Remarks(), FolderStore(request.path), _contents(request)
     parts = [store.local_path(name) for name in parts_in_order(request, remarks)]
 
     def messages() -> Iterator[Message]:
         for number, part in enumerate(parts):
-            reader = read_mcap if part.suffix == ".mcap" else _messages_of_database
-            for message in reader(part):
+            reader = read_mcap if part.suffix == ".mcap" else read_database
+            contents.tick = partial(_tell_part, request, number, len(parts))
+            for message in reader(part, contents):
                 yield message._replace(fraction=(number + message.fraction) / len(parts))
 
-    return _open_messages(request, "ROS 2 folder", messages(), True, remarks)
+    return _open_messages(request, "ROS 2 folder", messages(), contents, True, remarks)
 
 
 def _is_folder(request: Request) -> bool:
@@ -215,10 +256,10 @@ def _is_folder(request: Request) -> bool:
 
 
 ROS1_BAG = Format(
-    "ROS 1 bag", (".bag",), lambda r: r.head[:8] == b"#ROSBAG ", _opener("ROS 1 bag", _messages_of_bag, False)
+    "ROS 1 bag", (".bag", ".active"), lambda r: r.head[:8] == b"#ROSBAG ", _opener("ROS 1 bag", read_bag, False)
 )
 MCAP = Format("ROS 2 MCAP", (".mcap",), lambda r: r.head[:8] == MAGIC, _opener("ROS 2 MCAP", read_mcap, True))
 ROS2_DATABASE = Format(
-    "ROS 2 SQLite", (".db3",), lambda r: r.head[:16] == _SQLITE, _opener("ROS 2 SQLite", _messages_of_database, True)
+    "ROS 2 SQLite", (".db3",), lambda r: r.head[:16] == _SQLITE, _opener("ROS 2 SQLite", read_database, True)
 )
 ROS2_FOLDER = Format("ROS 2 folder", ("",), _is_folder, _open_folder)

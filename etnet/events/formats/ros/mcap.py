@@ -10,9 +10,11 @@ import sys
 from collections.abc import Iterator
 from io import BufferedIOBase, BytesIO
 from pathlib import Path
-from typing import NamedTuple
 
 import lz4.frame
+
+from etnet.events.formats.bounds import MAX_BLOCK, Unpacked
+from etnet.events.formats.ros.containers import Contents, CutOff, Message
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -20,44 +22,65 @@ else:
     from backports import zstd
 
 MAGIC = b"\x89MCAP0\r\n"
-LARGEST_RECORD = 1 << 30
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
+_MOST_RECORDS = 1 << 21
+"""Of one chunk, which a recorder closes at some megabytes."""
+
+_TICKS = 1 << 10
+_CHUNK_HEAD = 64
+"""Bytes in which a chunk says what it is."""
 
 
-class Message(NamedTuple):
-    """One message as it was recorded."""
+class _Channels:
+    """Schemas and channels as they are met."""
 
-    topic: str
-    type: str
-    content: bytes
-    fraction: float
+    def __init__(self, contents: Contents) -> None:
+        self._contents = contents
+        self._schemas: dict[int, str] = {}
+        self._wanted: dict[int, tuple[str, str]] = {}
+
+    def message(self, kind: int, body: bytes, fraction: float) -> Message | None:
+        """A wanted message; schemas and channels are noted."""
+        if kind == _SCHEMA:
+            self._schemas[struct.unpack_from("<H", body)[0]] = _text(body, 2)[0]
+        elif kind == _CHANNEL:
+            number, schema = struct.unpack_from("<HH", body)
+            topic, type_name = _text(body, 4)[0], self._schemas.get(schema, "")
+            if self._contents.note(topic, type_name):
+                self._wanted[number] = (topic, type_name)
+        elif kind == _MESSAGE and (channel := self._wanted.get(struct.unpack_from("<H", body)[0])) is not None:
+            return Message(*channel, body[22:], fraction)
+        return None
 
 
-class CutOff(ValueError):
-    """The container ends within a record."""
-
-
-def read_mcap(path: Path) -> Iterator[Message]:
-    """All messages in the file's order. Raises CutOff where the file ends too early."""
-    schemas: dict[int, str] = {}
-    channels: dict[int, tuple[str, int]] = {}
-    size = path.stat().st_size
+def read_mcap(path: Path, contents: Contents) -> Iterator[Message]:
+    """The wanted messages in the file's order. Raises CutOff where the file ends too early."""
+    channels, size = _Channels(contents), path.stat().st_size
+    unpacked = Unpacked(size, path.name)
     with path.open("rb") as file:
         file.read(len(MAGIC))
-        for kind, content in _records(file):
+        for number, (kind, content) in enumerate(_records(file)):
             if kind == _DATA_END:
                 return
             fraction = file.tell() / size
-            inner = _records(BytesIO(_unpacked(content))) if kind == _CHUNK else iter([(kind, content)])
+            if kind == _CHUNK or number % _TICKS == 0:
+                contents.tick(fraction)
+            if kind != _CHUNK:
+                inner = iter([(kind, content)])
+            else:
+                chunk = _unpacked(content)
+                unpacked.take(len(chunk))
+                inner = _few(_records(BytesIO(chunk)))
             for part, body in inner:
-                if part == _SCHEMA:
-                    schemas[struct.unpack_from("<H", body)[0]] = _text(body, 2)[0]
-                elif part == _CHANNEL:
-                    number, schema = struct.unpack_from("<HH", body)
-                    channels[number] = (_text(body, 4)[0], schema)
-                elif part == _MESSAGE:
-                    topic, schema = channels.get(struct.unpack_from("<H", body)[0], ("", 0))
-                    yield Message(topic, schemas.get(schema, ""), body[22:], fraction)
+                if (message := channels.message(part, body, fraction)) is not None:
+                    yield message
+
+
+def _few(records: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+    for number, record in enumerate(records):
+        if number >= _MOST_RECORDS:
+            raise CutOff(f"a chunk of more than {_MOST_RECORDS} records")
+        yield record
 
 
 def _records(stream: BufferedIOBase) -> Iterator[tuple[int, bytes]]:
@@ -65,17 +88,19 @@ def _records(stream: BufferedIOBase) -> Iterator[tuple[int, bytes]]:
         if len(head) < 9 or head[:8] == MAGIC:
             raise CutOff("ends within a record")
         length = struct.unpack_from("<Q", head, 1)[0]
-        if length > LARGEST_RECORD:
+        if length > MAX_BLOCK:
             raise CutOff(f"a record that claims {length} bytes")
         content = stream.read(length)
+        if len(content) == length or (head[0] == _CHUNK and len(content) > _CHUNK_HEAD):
+            # The messages at the beginning of a chunk are whole.
+            yield head[0], content
         if len(content) < length:
             raise CutOff("ends within a record")
-        yield head[0], content
 
 
 def _unpacked(chunk: bytes) -> bytes:
     size = struct.unpack_from("<Q", chunk, 16)[0]
-    if size > LARGEST_RECORD:
+    if size > MAX_BLOCK:
         raise CutOff(f"a chunk that claims {size} bytes")
     compression, place = _text(chunk, 28)
     packed = chunk[place + 8 :]

@@ -1,24 +1,21 @@
-"""ROS messages with events and pictures, parsed from their raw bytes: ROS 1 and CDR (ROS 2).
+"""ROS messages with events, parsed from their raw bytes: ROS 1 and CDR (ROS 2).
 
 Generic deserialisation makes a Python object of every event and is two hundred times slower. Definitions:
-rpg_dvs_ros/dvs_msgs, ros-event-camera/event_camera_msgs, sensor_msgs/Image.
+rpg_dvs_ros/dvs_msgs, ros-event-camera/event_camera_msgs.
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Shaped
 
 from etnet.events.formats.columns import from_nanoseconds
 from etnet.events.formats.decode import Decoded
 
 EVENT_ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 EVENT_PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
-IMAGES = ("sensor_msgs/Image",)
 
 _ROS1_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
 _CDR_EVENT = np.dtype(
@@ -29,11 +26,6 @@ _CDR_EVENT = np.dtype(
         "itemsize": 16,
     }
 )
-
-
-def plain_type(name: str) -> str:
-    """ "dvs_msgs/msg/EventArray" and "dvs_msgs/EventArray" are one type."""
-    return name.replace("/msg/", "/")
 
 
 class Cursor:
@@ -104,15 +96,6 @@ class Packet(NamedTuple):
     content: bytes
 
 
-@dataclass(frozen=True)
-class Picture:
-    """sensor_msgs/Image; `stamp` in ns."""
-
-    stamp: int
-    pixels: Shaped[np.ndarray, ...]
-    is_bgr: bool
-
-
 def parse_array(content: bytes, is_cdr: bool) -> Array:
     """Events of one dvs_msgs/EventArray, stamps to µs."""
     cursor = Cursor(content, is_cdr)
@@ -149,36 +132,3 @@ def parse_packet(content: bytes, is_cdr: bool) -> Packet:
     if cursor.number("B"):
         raise ValueError("a big-endian event packet")
     return Packet(width, height, time_base, encoding, cursor.octets())
-
-
-_PIXELS = {
-    "mono8": ("u1", 1),
-    "8UC1": ("u1", 1),
-    "mono16": ("<u2", 1),
-    "16UC1": ("<u2", 1),
-    "bgr8": ("u1", 3),
-    "8UC3": ("u1", 3),
-    "rgb8": ("u1", 3),
-    "bgra8": ("u1", 4),
-    "rgba8": ("u1", 4),
-}
-
-
-def parse_picture(content: bytes, is_cdr: bool) -> Picture:
-    """A sensor_msgs/Image with 8 or 16 bits a channel; other encodings raise ValueError."""
-    cursor = Cursor(content, is_cdr)
-    stamp = cursor.header()
-    height, width, encoding = cursor.number("I"), cursor.number("I"), cursor.text()
-    is_big_endian, step = cursor.number("B"), cursor.number("I")
-    octets = cursor.octets()
-    if encoding not in _PIXELS or not (width and height):
-        raise ValueError(f'a picture of {width} × {height} in "{encoding}"')
-    code, channels = _PIXELS[encoding]
-    row = width * channels * np.dtype(code).itemsize
-    if step < row or len(octets) < step * height:
-        raise ValueError("a picture that ends early")
-    rows = np.frombuffer(octets, np.uint8, step * height).reshape(height, step)[:, :row]
-    pixels = np.ascontiguousarray(rows).view(code if not is_big_endian else code.replace("<", ">"))
-    pixels = pixels.astype(pixels.dtype.newbyteorder("="))
-    shape = (height, width) if channels == 1 else (height, width, channels)
-    return Picture(stamp, pixels.reshape(shape), encoding.startswith("bgr") or encoding == "8UC3")

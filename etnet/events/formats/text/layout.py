@@ -1,140 +1,196 @@
-"""What the first lines of event text say without names: where rows begin, which column is which, what stamps count."""
+"""What the head of event text says: where rows begin, which column is which, how large the sensor is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import re
+from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
-from itertools import pairwise
+
+import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit, said_unit
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks
-from etnet.events.formats.text.rows import Columns
+from etnet.events.formats.bounds import ANY_PIXELS, declared_sensor
+from etnet.events.formats.column_names import column_keys, named_axis
+from etnet.events.formats.table_order import table_order
+from etnet.events.formats.text.rows import Columns, plain_row
 
-SAMPLE_BYTES = 16 << 10
-"""Some hundreds of lines, by which columns and units are judged."""
+HEAD_BYTES = 1 << 18
+"""Bytes that are looked at: comments of any reasonable length, and some hundreds of rows."""
+
+SAMPLE_ROWS = 1000
+"""Rows by which columns and units are judged."""
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_TO_SPACES = bytes.maketrans(b",;\t", b"   ")
-_NANOSECONDS = 10**17
-"""As µs it would be the year 5138."""
-
-_POLARITIES = ({0, 1}, {-1, 1})
-
-Rows = list[list[bytes]]
+_COMMENTS = (b"#", b"%", b"//")
+_GEOMETRY = re.compile(
+    rb"(?:geometry|resolution|sensor[ _]?size|width)\s*[:=]\s*(\d{1,5})\D{1,12}(\d{1,5})", re.IGNORECASE
+)
+_LARGEST_COLUMNS = 64
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The columns, the bytes and lines before the first row, and the sensor if a line gives it."""
+    """The columns, the bytes and lines before the first row, the sensor if a line gives it, the names if one does."""
 
     columns: Columns
     num_bytes: int
     num_lines: int
     sensor: Sensor | None = None
+    names: tuple[str, ...] = ()
+    sample: tuple[tuple[bytes, ...], ...] = ()
 
 
-def tokens_of(line: bytes) -> list[bytes]:
-    """The numbers of a line, whatever stands between them."""
-    return line.translate(_TO_SPACES).split()
+def looks_like_events(head: bytes) -> bool:
+    """Whether these are rows of events: four numbers each, or with names that say which are."""
+    try:
+        start = _start(head, "head")
+    except RecordingError:
+        return False
+    return start is not None and (bool(start.names) or start.columns.count == 4)
 
 
-def sampled_rows(head: bytes, count: int) -> Rows:
-    """The whole lines of `count` tokens; the last line of a head may be cut."""
-    lines = head.splitlines()
-    if len(lines) > 1 and not head.endswith(b"\n"):
-        lines.pop()
-    return [row for row in map(tokens_of, lines) if len(row) == count]
+def looks_like_rows(head: bytes) -> bool:
+    """Whether rows of numbers begin here; what they mean may not be known."""
+    try:
+        return _start(head, "head") is not None
+    except RecordingError:
+        return True
 
 
-def plain_layout(head: bytes, name: str, remarks: Remarks, stated: TimeUnit | None) -> Layout | None:
-    """Rows of four numbers, perhaps after comments and "width height". None when these are no events."""
-    start = _first_row(head, name)
+def text_layout(head: bytes, name: str, remarks: Remarks, stated: TimeUnit | None) -> tuple[Layout, TimeUnit | None]:
+    """The layout, and the unit if a person or the name of a column states it; all of it is said."""
+    start = _start(head, name)
     if start is None:
-        return None
-    rows = [row for row in sampled_rows(head[start.num_bytes :], 4) if _are_numbers(row)]
-    columns = _order(rows, remarks)
-    unit = judged_unit([row[columns.t] for row in rows], remarks, stated)
-    return replace(start, columns=replace(columns, unit=unit))
+        raise RecordingError(
+            f'{name}: its first lines are not "t x y p" in numbers; '
+            "a table with other columns needs a header line that names them"
+        )
+    if start.columns.decimal_comma:
+        remarks.detected("numbers have decimal commas")
+    if start.names:
+        return _named(start, remarks, stated)
+    if start.columns.count != 4:
+        raise RecordingError(
+            f"{name}: rows of {start.columns.count} numbers and no line that names them; put a first line before them "
+            'that does, such as "t x y p" with a word for each further column'
+        )
+    return _unnamed(start, name, remarks, stated)
 
 
-def judged_unit(stamps: list[bytes], remarks: Remarks, stated: TimeUnit | None) -> TimeUnit:
-    """The unit that nothing names, by the first stamps; one alone may be a 0 of seconds or of µs."""
+def _named(start: Layout, remarks: Remarks, stated: TimeUnit | None) -> tuple[Layout, TimeUnit | None]:
+    column = start.columns
+    unit = stated
     if stated is not None:
         remarks.assumed(said_unit(stated))
-        return stated
-    unit: TimeUnit = "us"
-    if any(_has_fraction(stamp) for stamp in stamps):
-        unit, why = "s", f"there are fractions among the first {len(stamps)}"
     else:
-        why = f"the first {len(stamps)} are whole numbers"
-        if any((_number(stamp) or Decimal(0)).copy_abs() >= _NANOSECONDS for stamp in stamps[:1]):
-            unit, why = "ns", "they are whole numbers beyond 10¹⁷"
-    remarks.assumed(f"stamps count {unit}, because {why}; --time-unit overrules")
-    return unit
+        named = named_axis(start.names[column.t])
+        unit = None if named is None else named[1]
+        if unit is not None:
+            remarks.detected(f'stamps count {unit}: their column is called "{start.names[column.t]}"')
+    return _counting(start, column, unit), unit
 
 
-def _first_row(head: bytes, name: str) -> Layout | None:
-    """Where the first row of four numbers is, with the columns as RPG has them."""
-    sensor, consumed = None, len(BYTE_ORDER_MARK) if head.startswith(BYTE_ORDER_MARK) else 0
+def _unnamed(start: Layout, name: str, remarks: Remarks, stated: TimeUnit | None) -> tuple[Layout, TimeUnit | None]:
+    rows = np.array([[float(token) for token in row] for row in start.sample])
+    order = table_order(rows) if len(rows) else "txyp"
+    assert order is not None
+    if order != "txyp":
+        remarks.assumed(
+            f"columns are {', '.join(order)}, judged by the values of the first {len(rows)} rows; "
+            "a first line that names them overrules"
+        )
+    if stated is not None:
+        remarks.assumed(said_unit(stated))
+    t, x, y, p = (order.index(axis) for axis in "txyp")
+    columns = Columns(t, x, y, p, 4, "s", start.columns.decimal_comma)
+    return _counting(start, columns, stated), stated
+
+
+def _counting(start: Layout, columns: Columns, unit: TimeUnit | None) -> Layout:
+    """With the unit that the stamps are taken to count for now: fractions are seconds, whole numbers µs."""
+    if unit is None:
+        has_fractions = any(_has_fraction(row[columns.t]) for row in start.sample)
+        unit = "s" if has_fractions else "us"
+    found = Columns(columns.t, columns.x, columns.y, columns.p, columns.count, unit, columns.decimal_comma)
+    return Layout(found, start.num_bytes, start.num_lines, start.sensor, start.names, start.sample)
+
+
+def _start(head: bytes, name: str) -> Layout | None:
+    """The first row and what stands before it; None where no rows of numbers come."""
+    consumed = len(BYTE_ORDER_MARK) if head.startswith(BYTE_ORDER_MARK) else 0
+    sensor: Sensor | None = None
+    names: tuple[str, ...] = ()
     for line in head[consumed:].splitlines(keepends=True):
-        tokens = tokens_of(line)
-        if not tokens or tokens[0].startswith(b"#"):
-            consumed += len(line)
-        elif not _are_numbers(tokens):
-            return None
-        elif len(tokens) == 2 and sensor is None and all(token.isdigit() for token in tokens):
-            sensor, consumed = _stated_sensor(tokens, name), consumed + len(line)
-        elif len(tokens) == 4:
-            return Layout(Columns(0, 1, 2, 3), consumed, head[:consumed].count(b"\n"), sensor)
+        words = line.strip()
+        if not words or words.startswith(_COMMENTS):
+            geometry = _GEOMETRY.search(words)
+            if geometry is not None:
+                sensor = declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
+            names = _names_in(words.lstrip(b"#%/ !")) or names
         else:
-            return None
+            has_comma = _has_decimal_comma(words)
+            row = plain_row(words, has_comma).split()
+            if _are_values(row):
+                if len(row) == 2 and sensor is None and not names and all(token.isdigit() for token in row):
+                    sensor = declared_sensor(int(row[0]), int(row[1]), f"{name}: its first line", ANY_PIXELS)
+                elif len(row) >= 4:
+                    return _layout(head, consumed, names, len(row), has_comma, sensor, name)
+                else:
+                    return None
+            else:
+                named = _names_in(words)
+                if not named or names:
+                    return None
+                names = named
+        consumed += len(line)
     return None
 
 
-def _stated_sensor(tokens: list[bytes], name: str) -> Sensor:
-    width, height = int(tokens[0]), int(tokens[1])
-    if not (0 < width <= 65_536 and 0 < height <= 65_536):
-        raise RecordingError(f"{name}: its first line gives the sensor {width} × {height}; sides are 1 … 65,536")
-    return Sensor(width, height)
+def _layout(
+    head: bytes, consumed: int, names: tuple[str, ...], count: int, has_comma: bool, sensor: Sensor | None, name: str
+) -> Layout | None:
+    if count > _LARGEST_COLUMNS:
+        return None
+    lines = head[consumed:].splitlines()
+    if len(lines) > 1 and not head.endswith(b"\n"):
+        lines.pop()  # it may be cut
+    split = (tuple(plain_row(line, has_comma).split()) for line in lines[:SAMPLE_ROWS])
+    sample = tuple(row for row in split if len(row) == count and _are_values(list(row)))
+    places = {"t": 0, "x": 1, "y": 2, "p": 3}
+    if names:
+        if len(names) != count:
+            raise RecordingError(
+                f"{name}: a line names {len(names)} columns ({', '.join(names)[:80]}) and the first row has {count}; "
+                "correct the line"
+            )
+        keys = column_keys(names) or {}
+        places = {axis: names.index(keys[axis]) for axis in "txyp"}
+    columns = Columns(places["t"], places["x"], places["y"], places["p"], count, "s", has_comma)
+    return Layout(columns, consumed, head[:consumed].count(b"\n"), sensor, names, sample)
 
 
-def _order(rows: Rows, remarks: Remarks) -> Columns:
-    """RPG's t x y p, unless what the columns hold is x y p t (Metavision's CSV) or x y t p."""
-    if not rows:
-        return Columns(0, 1, 2, 3)
-    first, _, third, fourth = ([float(row[place]) for row in rows] for place in range(4))
-    if _is_polarity(third) and _is_time(fourth):
-        found, names, why = Columns(3, 0, 1, 2), "x, y, p, t", "the third holds ON and OFF, the fourth grows"
-    elif _is_polarity(fourth) and _is_time(third) and _is_ordered(third) and _are_pixels(first):
-        found, names, why = Columns(2, 0, 1, 3), "x, y, t, p", "the third never falls, the first does"
-    else:
-        return Columns(0, 1, 2, 3)
-    remarks.assumed(f"columns are {names}: {why}; a first line that names them overrules")
-    return found
+def _names_in(line: bytes) -> tuple[str, ...]:
+    """The names in a line, split at its own delimiter; none where they are not those of x, y, t and p."""
+    text = line.decode("utf-8", "replace")
+    mark = next((mark for mark in ",;\t" if mark in text), None)
+    # A unit in brackets belongs to the word before it, whatever stands between.
+    parts = text.split(mark) if mark else re.split(r"\s+(?![\[(])", text.strip())
+    names = tuple(part.strip().strip("\"'") for part in parts)
+    keys = column_keys(names) if 4 <= len(names) <= _LARGEST_COLUMNS else None
+    return names if keys is not None and "xy" not in keys else ()
 
 
-def _is_polarity(values: list[float]) -> bool:
-    return any(set(values) <= codes for codes in _POLARITIES)
+def _has_decimal_comma(line: bytes) -> bool:
+    """Whether commas stand in numbers, because semicolons or tabs stand between them."""
+    return re.match(rb"^[^;\t]*\d,\d[^;\t]*[;\t]", line) is not None
 
 
-def _is_time(values: list[float]) -> bool:
-    """Growing, and more than a polarity of 0/2 or 0/255 could be."""
-    return values[-1] >= values[0] and (len(set(values)) > 2 or max(values) > 255)
-
-
-def _is_ordered(values: list[float]) -> bool:
-    return all(after >= before for before, after in pairwise(values))
-
-
-def _are_pixels(values: list[float]) -> bool:
-    """In no order, which stamps would be in."""
-    return not _is_ordered(values) and all(value.is_integer() and 0 <= value < 65_536 for value in values)
-
-
-def _are_numbers(tokens: list[bytes]) -> bool:
-    return all(_number(token) is not None for token in tokens)
+def _are_values(row: list[bytes]) -> bool:
+    """Whether numbers stand where four are due; words may stand in further columns."""
+    return len(row) >= 2 and sum(_number(token) is not None for token in row) >= min(4, len(row))
 
 
 def _number(token: bytes) -> Decimal | None:
@@ -142,7 +198,7 @@ def _number(token: bytes) -> Decimal | None:
         value = Decimal(token.decode("ascii"))
     except (InvalidOperation, ValueError):
         return None
-    return value if value.is_finite() else None
+    return value if value.is_finite() and abs(value.adjusted()) < 400 else None
 
 
 def _has_fraction(token: bytes) -> bool:

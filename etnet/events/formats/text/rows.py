@@ -7,6 +7,7 @@ line through `decimal`, which is slow and forgives more. Both give the same numb
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
@@ -16,6 +17,7 @@ import numpy as np
 from jaxtyping import Int64, Integer
 
 from etnet.errors import RecordingError
+from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.columns import from_nanoseconds
 from etnet.events.formats.decode import Decoded
 from etnet.events.formats.text.decimals import (
@@ -33,6 +35,8 @@ BLOCK = 1 << 19
 LONGEST_LINE = 4096
 
 _TO_SPACES = bytes.maketrans(b",;\t", b"   ")
+_COMMAS_TO_POINTS = bytes.maketrans(b",;\t", b".  ")
+_WORDS = re.compile(rb"(?<!\S)(?:true|false|on|off)(?!\S)", re.IGNORECASE)
 _SCALES = {"s": Decimal(10**6), "ms": Decimal(10**3), "us": Decimal(1), "ns": Decimal(1) / 1000}
 
 
@@ -45,7 +49,10 @@ class Columns:
     y: int
     p: int
     count: int = 4
-    unit: str = "s"
+    unit: TimeUnit = "s"
+    decimal_comma: bool = False
+    rounds: bool = False
+    """Whether fractions of pixels are rounded; else they are an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,18 +90,44 @@ def parse_rows(block: bytes, columns: Columns, name: str, first_line: int) -> Ro
     """`block` is whole lines; `first_line` is the number of its first one, for errors."""
     if not block.endswith(b"\n"):
         block += b"\n"
-    if any(mark in block for mark in (b",", b";", b"\t")):
+    stored, block = block, _divided_by_blanks(block, columns.decimal_comma)
+    rows = _fast(block, columns)
+    if rows is None:
+        block = _without_words(block)
+        # Whole numbers may be printed as floats.
+        rows = _fast(block.replace(b".0 ", b" ").replace(b".0\n", b"\n"), columns)
+    return rows if rows is not None else _one_by_one(block, stored, columns, name, first_line)
+
+
+def plain_row(block: bytes, decimal_comma: bool = False) -> bytes:
+    """Lines with blanks between plain numbers: no quotes, no carriage returns, 1 and 0 for True, ON and False, OFF."""
+    return _without_words(_divided_by_blanks(block, decimal_comma))
+
+
+def _divided_by_blanks(block: bytes, decimal_comma: bool) -> bytes:
+    if decimal_comma:
+        block = block.translate(_COMMAS_TO_POINTS)
+    elif any(mark in block for mark in (b",", b";", b"\t")):
         block = block.translate(_TO_SPACES)
-    if b"\r" in block:
-        block = block.replace(b"\r\n", b"\n")
-    if b"-" in block and columns.p == columns.count - 1 and b" 2\n" not in block:
-        rows = _regular(block.replace(b" -1\n", b" 2\n"), columns)
-        if rows is not None:
-            p = rows.p.astype(np.int64)
-            rows = replace(rows, p=np.where(p == 2, -1, p))
-    else:
-        rows = _regular(block, columns)
-    return rows if rows is not None else _one_by_one(block, columns, name, first_line)
+    return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
+
+
+def _without_words(block: bytes) -> bytes:
+    """Quotes and words cost as much as all the rest, so they are looked for only where rows are not regular."""
+    block = block.replace(b'"', b"").replace(b"  ", b" ")
+    if _WORDS.search(block) is not None:
+        block = _WORDS.sub(lambda found: b"1" if found[0].lower() in (b"true", b"on") else b"0", block)
+    return block
+
+
+def _fast(block: bytes, columns: Columns) -> Rows | None:
+    if b"-" not in block or columns.p != columns.count - 1 or b" 2\n" in block:
+        return _regular(block, columns)
+    rows = _regular(block.replace(b" -1\n", b" 2\n"), columns)
+    if rows is None:
+        return None
+    p = rows.p.astype(np.int64)
+    return replace(rows, p=np.where(p == 2, -1, p))
 
 
 def _regular(block: bytes, columns: Columns) -> Rows | None:
@@ -148,25 +181,33 @@ def _stamps(
     return microseconds(text, ends[place], lengths[place], lengths[place + 1])
 
 
-def _one_by_one(block: bytes, columns: Columns, name: str, first_line: int) -> Rows:
-    """The patient way: any number that `decimal` reads, any run of blanks, empty lines and # comments skipped."""
+def _one_by_one(block: bytes, stored: bytes, columns: Columns, name: str, first_line: int) -> Rows:
+    """The patient way: any number that `decimal` reads, any run of blanks, empty lines and comments skipped.
+
+    `stored` is the block as it stands in the file.
+    """
     kept: list[tuple[int, int, int, int]] = []
     scale = _SCALES[columns.unit]
     for number, line in enumerate(block.split(b"\n"), first_line):
         tokens = line.split()
-        if not tokens or tokens[0].startswith(b"#"):
+        if not tokens or tokens[0].startswith((b"#", b"%")):
             continue
         try:
             if len(tokens) != columns.count:
                 raise ValueError(f"{len(tokens)} columns")
             values = [Decimal(tokens[i].decode("ascii")) for i in (columns.x, columns.y, columns.t, columns.p)]
             stamp = int((values[2] * scale).to_integral_value(ROUND_HALF_EVEN))
-            x, y, p = (_whole(values[i]) for i in (0, 1, 3))
-            if max(abs(x), abs(y), abs(p)) >= 2**31 or abs(stamp) >= 2**62:
+            x, y = (_pixel(value, columns.rounds) for value in values[:2])
+            p = _whole(values[3])
+            if max(abs(x), abs(y)) >= 2**31 or abs(p) >= 2**63 or abs(stamp) >= 2**62:
                 raise ValueError("a number beyond 64 bits")
             kept.append((x, y, stamp, p))
+        except _Fraction as slip:
+            raise RecordingError(
+                f"{name}: line {number} has a pixel at {slip}, a fraction (rectified?); open it with --pixels rounded"
+            ) from None
         except (ValueError, InvalidOperation, OverflowError) as slip:
-            shown = line[:60].decode("ascii", "replace")
+            shown = stored.splitlines()[number - first_line][:60].decode("utf-8", "replace").rstrip()
             raise RecordingError(
                 f'{name}: line {number} reads "{shown}"; wanted {columns.count} numbers '
                 f"(time, x, y and polarity among them); correct or remove the line"
@@ -174,6 +215,18 @@ def _one_by_one(block: bytes, columns: Columns, name: str, first_line: int) -> R
     table = np.array(kept, np.int64).reshape(-1, 4)
     x, y, t, p = (table[:, i].copy() for i in range(4))
     return Rows(x, y, t, p, block.count(b"\n"))
+
+
+class _Fraction(Exception):
+    """A pixel with a fraction."""
+
+
+def _pixel(value: Decimal, rounds: bool) -> int:
+    if rounds:
+        return int(value.to_integral_value(ROUND_HALF_EVEN))
+    if value != value.to_integral_value():
+        raise _Fraction(str(value))
+    return int(value)
 
 
 def _whole(value: Decimal) -> int:

@@ -8,32 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from io import BufferedIOBase
 
 from etnet.errors import RecordingError
-from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore, Store, ZipStore
-from etnet.events.formats.base import HEAD_BYTES, Format, Opened, Remarks, Request
-from etnet.events.formats.camera_frames import picture_list
+from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import collect
-from etnet.events.formats.text.layout import SAMPLE_BYTES, plain_layout
-from etnet.events.formats.text.named import named_layout, names_columns
+from etnet.events.formats.frames import attached, found_frames
+from etnet.events.formats.picture_lists import pictures_beside
+from etnet.events.formats.text.layout import HEAD_BYTES, looks_like_events, looks_like_rows, text_layout
 from etnet.events.formats.text.rows import text_pieces
+from etnet.events.formats.time_unit import judged_unit
 
+_SHORT_HEAD = 4096
 _MOST_TEXTS = 20
 """Texts of a folder that are looked into for the one with the events."""
-
-
-def _holds_events(head: bytes) -> bool:
-    """Whether the first lines are a table of events, with named columns or without."""
-    return names_columns(head) or _is_plain(head)
-
-
-def _is_plain(head: bytes) -> bool:
-    try:
-        return plain_layout(head, "head", Remarks(), None) is not None
-    except RecordingError:
-        return False
 
 
 def _event_member(store: Store, names: tuple[str, ...]) -> str | None:
@@ -46,13 +36,13 @@ def _event_member(store: Store, names: tuple[str, ...]) -> str | None:
         return texts[0]  # whatever is in it: its own error says more than that of an unknown format
     if len(texts) > _MOST_TEXTS:
         return None
-    tables = [name for name in texts if _holds_events(_head(store, name))]
+    tables = [name for name in texts if looks_like_events(_head(store, name))]
     return tables[0] if len(tables) == 1 else None
 
 
 def _head(store: Store, member: str) -> bytes:
     with store.open(member) as stream:
-        return stream.read(HEAD_BYTES)
+        return _head_of(stream)
 
 
 def _open_stream(
@@ -66,28 +56,40 @@ def _open_stream(
     """`kinds`: what it is called where a line names the columns, and where none does."""
     remarks = Remarks()
     with opener() as stream:
-        head = stream.read(SAMPLE_BYTES)
-    stated = request.assume.time_unit
-    named = named_layout(head, remarks, stated)
-    layout = named or plain_layout(head, request.name, remarks, stated)
-    if layout is None:
-        raise RecordingError(
-            f'{request.name}: its first lines are not "t x y p" in numbers; '
-            "a table with other columns needs a header line that names them"
-        )
-    declared, pictures = layout.sensor, None
+        head = stream.read(HEAD_BYTES)
+    layout, unit = text_layout(head, request.name, remarks, request.assume.time_unit)
+    frames = None
     if store is not None and member is not None:
-        pictures = picture_list(store, member, request.name, remarks, stated)
-    if declared is None and pictures is not None and len(pictures) and request.assume.sensor is None:
-        height, width = pictures.read_frame(0).shape
-        declared = Sensor(width, height)
-        remarks.detected(f"sensor {declared}, the size of the pictures")
+        folder = member.rpartition("/")[0]
+        beside, most = folder + "/" if folder else "", request.assume.max_pixels
+        frames = found_frames(
+            lambda: pictures_beside(store, beside, request.name, remarks, most), request.name, remarks
+        )
     with opener() as stream:
         stream.read(layout.num_bytes)
-        pieces = text_pieces(stream, size, layout.columns, request.name, 1 + layout.num_lines)
-        collected = collect(request, pieces, declared, remarks)
-    kind = kinds[0] if named is not None else kinds[1]
-    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept), pictures)
+        columns = replace(layout.columns, rounds=request.assume.pixels == "rounded")
+        pieces = text_pieces(stream, size, columns, request.name, 1 + layout.num_lines)
+        size_of_frames = None if frames is None else frames.size
+        kind = kinds[0] if layout.names else kinds[1]
+        judge = None if unit is not None else lambda seen: judged_unit(seen, request.assume, remarks)
+        collected = collect(request, pieces, layout.sensor, remarks, judge, layout.columns.unit, size_of_frames)
+    truth = attached(frames, collected.span, request.assume.time_unit, request.name, remarks)
+    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+
+
+def _head_of(stream: BufferedIOBase) -> bytes:
+    """Some rows; more where comments fill them."""
+    head = stream.read(_SHORT_HEAD)
+    is_comment = all(line.lstrip()[:1] in (b"#", b"%", b"") for line in head.splitlines())
+    return head + stream.read(HEAD_BYTES - len(head)) if is_comment and len(head) == _SHORT_HEAD else head
+
+
+def _head_in(request: Request) -> bytes:
+    """Of the request's file; nothing of one that does not begin like text."""
+    if not request.head or b"\0" in request.head:
+        return b""
+    with request.path.open("rb") as stream:
+        return _head_of(stream)
 
 
 def _open_file(request: Request) -> Opened:
@@ -115,6 +117,14 @@ def _is_store(request: Request) -> bool:
         return _event_member(_store(request, briefly), request.members) is not None
 
 
-NAMED_TEXT = Format("CSV", (".csv", ".txt"), lambda request: names_columns(request.head), _open_file)
-TEXT = Format("RPG text", (".txt",), lambda request: _is_plain(request.head), _open_file)
+def _is_text(request: Request) -> bool:
+    return not request.path.is_dir() and looks_like_rows(_head_in(request))
+
+
+def holds_events(request: Request) -> bool:
+    """Whether rows of events are in a text."""
+    return looks_like_events(_head_in(request))
+
+
+TEXT = Format("RPG text or CSV", (".txt", ".csv"), _is_text, _open_file, holds_events=holds_events)
 TEXT_STORE = Format("RPG text folder or E2VID zip", (".zip", ""), _is_store, _open_store)

@@ -1,0 +1,102 @@
+"""The text at the beginning of Prophesee's RAW and DAT files: lines "% key value".
+
+Keys: docs.prophesee.ai, "RAW file format".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from etnet.errors import RecordingError
+from etnet.events.events import Sensor
+from etnet.events.formats.base import Remarks, Request
+from etnet.events.formats.decode import Collected
+
+CLOCK_PERIOD = 1 << 34
+"""µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 begin anew."""
+
+_PLUGINS = (
+    ("gen31", Sensor(640, 480)),
+    ("gen3", Sensor(640, 480)),
+    ("gen41", Sensor(1280, 720)),
+    ("gen4", Sensor(1280, 720)),
+    ("imx636", Sensor(1280, 720)),
+    ("genx320", Sensor(320, 320)),
+)
+_SYSTEMS = {21: Sensor(640, 480), 28: Sensor(1280, 720), 29: Sensor(1280, 720), 49: Sensor(1280, 720)}
+_LARGEST_HEADER = 1 << 16
+
+
+@dataclass(frozen=True)
+class Header:
+    """The lines "% key value" at a file's start, and how many bytes they take."""
+
+    fields: dict[str, str]
+    num_bytes: int
+
+    @property
+    def version(self) -> str | None:
+        """EVT version as "2.0", "2.1" or "3.0"; None if the header names none."""
+        if "evt" in self.fields:
+            return self.fields["evt"].split()[0]
+        name = self.fields.get("format", "").split(";")[0].strip().upper()
+        return {"EVT2": "2.0", "EVT21": "2.1", "EVT3": "3.0"}.get(name)
+
+    @property
+    def layout(self) -> str:
+        """The EVT version, and whether the halves of its words are swapped."""
+        is_legacy = self.version == "2.1" and self.fields.get("endianness", "little") == "legacy"
+        return f"{self.version} legacy" if is_legacy else str(self.version)
+
+    def sensor(self, name: str, remarks: Remarks, is_stated: bool) -> Sensor | None:
+        """From geometry, format or (saying so) the camera's model."""
+        sides = self.fields.get("geometry", "").split("x")
+        options = dict(part.split("=", 1) for part in self.fields.get("format", "").split(";") if "=" in part)
+        if len(sides) != 2:
+            sides = [options.get("width", ""), options.get("height", "")]
+        if len(sides) != 2 or not all(side.strip().isdigit() for side in sides):
+            sides = [self.fields.get("Width", ""), self.fields.get("Height", "")]
+        if all(side.strip().isdigit() for side in sides):
+            width, height = (int(side) for side in sides)
+            if not (0 < width <= 65_536 and 0 < height <= 65_536):
+                raise RecordingError(f"{name}: its header gives the sensor {width} × {height}; sides are 1 … 65,536")
+            return Sensor(width, height)
+        if is_stated:
+            return None
+        plugin = self.fields.get("plugin_name", "")
+        for part, sensor in _PLUGINS:
+            if part in plugin:
+                remarks.assumed(f"sensor {sensor}, that of {plugin}; the header names none: --assume overrules")
+                return sensor
+        system = self.fields.get("system_ID", "")
+        if system.isdigit() and int(system) in _SYSTEMS:
+            sensor = _SYSTEMS[int(system)]
+            remarks.assumed(f"sensor {sensor}, that of system_ID {system}; the header names none: --assume overrules")
+            return sensor
+        return None
+
+
+def read_header(request: Request) -> Header:
+    """Read the lines that begin with "% "; a line "% end" closes them."""
+    fields: dict[str, str] = {}
+    with request.path.open("rb") as file:
+        block = file.read(_LARGEST_HEADER)
+    place = 0
+    while block[place : place + 1] == b"%":
+        # The data may begin with the byte of "%" too: a header line is printable up to its end.
+        stop = block.find(b"\n", place)
+        line = block[place : stop + 1] if stop >= 0 else b""
+        if not line or not all(byte in (9, 10, 13) or 32 <= byte < 127 for byte in line):
+            break
+        place = stop + 1
+        key, _, value = line[1:].decode("ascii").strip().partition(" ")
+        if key == "end":
+            break
+        fields[key] = value.strip()
+    return Header(fields, place)
+
+
+def tell_turns(collected: Collected, remarks: Remarks) -> None:
+    """Say that the clock of EVT 2.0 and 2.1 began anew. EVT 3.0's does so every 17 s, by design."""
+    if collected.span.stop >= CLOCK_PERIOD:
+        remarks.repaired("the 34-bit clock begins anew (every 4.8 hours) and was unrolled")
