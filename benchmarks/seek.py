@@ -2,11 +2,15 @@
 
 The recordings repeat a bundled one end to end, so that their events are like those of a real sensor. Seeks go to
 random windows after the first pass has laid its states within the byte budget; the frame cache is left empty.
+The last rows are a program that is started again: its first frames with a cache on disk beside those without one.
 """
 
+import argparse
 import random
 import statistics
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,6 +21,7 @@ from etnet.events.events import Events
 from etnet.events.open import open_recording
 from etnet.events.recording import Recording, Span
 from etnet.nets.weights import load_model
+from etnet.playback.disk_cache import DiskCache
 from etnet.playback.playback import Playback
 from etnet.windows import ByDuration, plan_windows
 
@@ -88,9 +93,47 @@ def measure(seconds: int) -> dict[str, object]:
     }
 
 
+def measure_restart(seconds: int) -> list[dict[str, object]]:
+    """A frame that an earlier run made, and one between its states, with and without the cache on disk."""
+    recording, model = repeated(open_recording(samples()[0]), seconds), load_model("etnet-half")
+    windows, rows = plan_windows(recording, ByDuration(WINDOW)), []
+    visited, between = len(windows) - 1, len(windows) // 2
+    with tempfile.TemporaryDirectory() as folder:
+        first = DiskCache(Path(folder))
+        playback = Playback(model, recording, windows, BUDGET, first)
+        for index in range(visited):
+            playback.lay_state(index)
+            first.flush()
+        playback.at(visited)
+        first.flush()
+        for name, disk in (("without", None), ("with", DiskCache(Path(folder)))):
+            start = time.perf_counter()
+            again = Playback(model, recording, windows, BUDGET, disk)
+            opened = time.perf_counter() - start
+            start = time.perf_counter()
+            if again.frame(visited) is None:
+                again.at(visited)
+            took = time.perf_counter() - start
+            again = Playback(model, recording, windows, BUDGET, disk)
+            start = time.perf_counter()
+            again.at(between)
+            far = time.perf_counter() - start
+            if disk is not None:
+                disk.flush()
+            rows.append(
+                {"restart": name, "windows": len(windows), "open_s": opened, "visited_s": took, "far_seek_s": far}
+            )
+    return rows
+
+
 def main() -> None:
-    """Measure the three lengths."""
-    report("seek", [{"threads": torch.get_num_threads()}, *(measure(seconds) for seconds in (10, 60, 600))])
+    """Measure the three lengths, and a restart; with --restart that alone."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--restart", action="store_true")
+    about: dict[str, object] = {"threads": torch.get_num_threads()}
+    if not parser.parse_args().restart:
+        report("seek", [about, *(measure(seconds) for seconds in (10, 60, 600))])
+    report("restart", [about, *measure_restart(10)])
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "sample": ("etnet.cli.sample", "Sample"),
     "export": ("etnet.cli.export", "Export"),
     "replay": ("etnet.cli.replay", "Replay"),
+    "cache": ("etnet.cli.cache", "Cache"),
 }
 """Command → the module that holds it, and its configuration's class (a module with a `parse` of its own needs none)."""
 

@@ -1,11 +1,11 @@
-"""`etnet reconstruct FILE`: PNG frames with their stamps, and an MP4; with `--stamps`, frames at given moments."""
+"""`etnet reconstruct FILE …`: PNG frames with their stamps, and an MP4; with `--stamps`, frames at given moments."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,24 +17,29 @@ from etnet.cli.live_frames import run_as_cut
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
-from etnet.errors import RecordingError, WindowError
+from etnet.errors import EtnetError, RecordingError, WindowError
 from etnet.events.moments import Moments, divided, moments_of_frames, moments_of_triggers, read_moments
 from etnet.events.recording import Recording
 from etnet.windows import ByCount, ByDuration, ByStamps, Policy, Window, plan_windows
 
+LARGE_SENSOR = 400_000
+"""Pixels from which on a run's time is told before it begins."""
+
 
 @dataclass(frozen=True)
 class Reconstruct:
-    """Turn a recording into frames: PNG files, a table of their stamps, and a video.
+    """Turn recordings into frames: PNG files, a table of their stamps, and a video.
+
+    Many are shared out among the processes of torchrun or SLURM, and what is finished is not done again (docs/many.md).
 
     With --live a camera, a stream or a replayed recording takes the file's place (`etnet reconstruct --live --help`);
     of what was recorded then, `--windows as-cut` gives the live frames again.
     """
 
-    file: tyro.conf.Positional[Path]
-    """A recording: a file, a folder or a zip."""
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """Recordings: files, folders, zips, and folders of them."""
     out: Path = Path("reconstruction")
-    """Folder for frames/, stamps.csv and video.mp4."""
+    """Folder for frames/, stamps.csv and video.mp4; with several recordings one folder each in it."""
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
@@ -67,14 +72,42 @@ def parse(arguments: Sequence[str], program: str) -> Reconstruct | ReconstructLi
 
 def run(config: Reconstruct | ReconstructLive) -> int:
     """Do it; returns the exit code."""
-    from etnet.nets.weights import load_model
+    from etnet.cli.many import jobs_of, recordings_in, run_many, this_share
 
     if isinstance(config, ReconstructLive):
         return run_live(config)
+    if not config.files:
+        raise EtnetError("there is nothing to reconstruct: name a recording, or several")
     if config.windows == "as-cut":
-        places = config.file, config.opening, config.out
+        if len(config.files) > 1:
+            raise EtnetError(f"--windows as-cut takes one recording at a time, got {len(config.files)}")
+        places = next(iter(config.files)), config.opening, config.out
         return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
-    with open_with_progress(config.file, config.opening) as recording:
+    recordings = recordings_in(config.files, config.out)
+    if len(recordings) == len(config.files) == 1 and recordings[0] == config.files[0]:
+        num_frames = _reconstruct(config, recordings[0], lambda _: None)
+        console.print(f"wrote {num_frames} frames to {config.out}", markup=False, soft_wrap=True)
+        return 0
+
+    def work(path: Path, folder: Path, told: Callable[[float], None]) -> int:
+        return _reconstruct(replace(config, out=folder), path, told)
+
+    return run_many(jobs_of(recordings, config.out), this_share(), _settings(config), work)
+
+
+def _settings(config: Reconstruct) -> str:
+    """All that decides what is written, the weights file's size and time of change included."""
+    weights = Path(config.model)
+    status = weights.stat() if weights.is_file() else None
+    mark = "" if status is None else f" {status.st_size} {status.st_mtime_ns}"
+    return f"{replace(config, files=(), out=Path())}{mark}"
+
+
+def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None]) -> int:
+    """One recording; how many frames were written."""
+    from etnet.nets.weights import load_model
+
+    with open_with_progress(path, config.opening) as recording:
         for remark in recording.remarks:
             console.print(f"[dim]{remark}[/dim]")
         policy, names = _policy(config, recording)
@@ -85,9 +118,20 @@ def run(config: Reconstruct | ReconstructLive) -> int:
             f"{recording.name}: {recording.sensor}, {recording.num_events:,} events, {len(windows)} windows; "
             f"model {model.name}, {model.runtime.precision}, display gamma {gamma:g}"
         )
-        num_written = _write(config, recording, model, policy, windows, gamma, names)
-    console.print(f"wrote {num_written} frames to {config.out}", markup=False, soft_wrap=True)
-    return 0
+        _tell_time(model, recording, len(windows))
+        return _write(config, recording, model, policy, windows, gamma, names, told)
+
+
+def _tell_time(model, recording: Recording, num_windows: int) -> None:
+    """Say before a long run how long it will take: attention costs the square of a large sensor's tokens."""
+    from etnet.cli.many import in_words
+    from etnet.nets.expected import expected_step_seconds
+
+    if recording.sensor.num_pixels < LARGE_SENSOR:
+        return
+    seconds = expected_step_seconds(model, recording.sensor.height, recording.sensor.width)
+    remedy = "; --opening.downsample 2 or --opening.region takes a fraction of it"
+    console.print(f"about {seconds:.1f} s a window, {in_words(seconds * num_windows)} in all{remedy}", soft_wrap=True)
 
 
 def _policy(config: Reconstruct, recording: Recording) -> tuple[Policy, dict[int, int] | None]:
@@ -139,6 +183,7 @@ def _write(
     windows: Sequence[Window],
     gamma: float,
     names: dict[int, int] | None,
+    told: Callable[[float], None],
 ) -> int:
     """All frames, or those of `names`; how many they are."""
     from etnet.export.images import to_uint8, write_atomically, write_png
@@ -154,6 +199,7 @@ def _write(
     is_kalibr = config.layout == "kalibr"
     with nullcontext() if is_kalibr else video_writer(config.out / "video.mp4", width, height, rate) as append:
         for window, step in track(reconstruct(model, recording, policy), len(windows), "reconstructing"):
+            told((window.index + 1) / len(windows))
             if names is not None and window.t_stop not in names:
                 continue
             image = to_uint8(step.frame[0, 0].float().cpu().numpy(), gamma)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from etnet.cli.many import this_share
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.simulate_video import Filming, run_video
 from etnet.errors import EtnetError
@@ -80,6 +81,8 @@ def run(config: Simulate) -> int:
     with fraction_callback("pictures") as progress:
         pictures = PicturePool.from_folder(config.photos, config.cutouts, config.split, progress=progress)
     with fraction_callback("recordings") as progress:
-        write_dataset(config.out, pictures, config.sequence, config.num, config.seed, config.flow, progress)
-    console.print(f"{config.num} recordings in {config.out}")
+        share = this_share()
+        what = (config.out, pictures, config.sequence, config.num, config.seed, config.flow)
+        paths = write_dataset(*what, progress, (share.rank, share.size))
+    console.print(f"{len(paths)} recordings in {config.out}")
     return 0

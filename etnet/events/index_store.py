@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int64
 
+from etnet.files import cache_folder
+
 BESIDE = ".etnet-indices"
 """A folder of this name beside a file takes the file's indices: they go with the folder that they lie in."""
 MAX_FILES = 256
@@ -28,14 +30,7 @@ Arrays = dict[str, Int64[np.ndarray, "..."]]
 
 def index_folder() -> Path:
     """`indices` in ETNET_CACHE, or `etnet/indices` in the user's cache folder."""
-    if "ETNET_CACHE" in os.environ:
-        return Path(os.environ["ETNET_CACHE"]) / "indices"
-    base = os.environ.get("XDG_CACHE_HOME")
-    try:
-        return (Path(base) if base else Path.home() / ".cache") / "etnet" / "indices"
-    except RuntimeError:
-        # A user without a home, as in some containers.
-        return Path(tempfile.gettempdir()) / "etnet" / "indices"
+    return cache_folder() / "indices"
 
 
 def index_path(file: Path, what: str) -> Path:

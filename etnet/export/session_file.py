@@ -24,6 +24,7 @@ from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
 from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Progress, Take
+from etnet.nets.fingerprint import weights_sha256
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
 from etnet.playback.playback import Playback
@@ -194,16 +195,6 @@ def events_sha256(recording: Recording) -> str:
             (events.p, "i1"),
         ):
             digest.update(np.ascontiguousarray(column, kind).tobytes())
-    return digest.hexdigest()
-
-
-def weights_sha256(model: nn.Module) -> str:
-    """A hash of a network's configuration and weights, whatever file and order they came in."""
-    config: Any = getattr(model, "config", None)
-    digest = hashlib.sha256(f"{type(model).__name__} {config!r}".encode())
-    for name, tensor in sorted(model.state_dict().items()):
-        digest.update(f"{name} {tuple(tensor.shape)}".encode())
-        digest.update(tensor.detach().float().cpu().contiguous().numpy().astype("<f4").tobytes())
     return digest.hexdigest()
 
 

@@ -11,9 +11,10 @@ import torch
 from einops import rearrange
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import linear, scaled_dot_product_attention
+from torch.nn.functional import linear
 
 from etnet.errors import ModelError
+from etnet.nets.attention_kernels import KERNELS, log_normaliser
 from etnet.nets.intervention import Intervention
 from etnet.nets.padding import TokenGrid
 from etnet.nets.storage import kept_alive
@@ -52,6 +53,7 @@ class Attention:
     scales: dict[str, float]
     values: dict[str, Float[Tensor, "heads n d"]] = field(default_factory=dict)
     outputs: dict[str, Float[Tensor, "heads d dim"]] = field(default_factory=dict)
+    _normalisers: dict[str, Float[Tensor, "heads n"]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def sites(self) -> tuple[str, ...]:
@@ -69,18 +71,18 @@ class Attention:
         chosen = self.queries[site][:, list(tokens)].float()
         return torch.softmax(chosen @ self.keys[site].float().transpose(-1, -2) * self.scales[site], dim=-1)
 
-    def columns(self, site: str, tokens: Sequence[int], tile: int = 1024) -> Float[Tensor, "heads queries keys"]:
+    def columns(self, site: str, tokens: Sequence[int]) -> Float[Tensor, "heads queries keys"]:
         """Who looks at each of `tokens`: entry (h, i, j) is the weight that query i gives to key `tokens[j]`.
 
-        Every query's softmax runs over all keys, so this costs the whole map, in tiles of `tile` queries.
+        Every query's softmax runs over all keys. A site's first column costs its whole map, in tiles; its sums are
+        kept (4 bytes a query and head), so that every further one costs one product.
         """
-        num_tokens = self.queries[site].shape[1] if site in self.queries else 0
-        parts = [
-            self.rows(site, range(start, min(start + tile, num_tokens)))[..., list(tokens)]
-            for start in range(0, num_tokens, tile)
-        ]
         self._require(site)
-        return torch.cat(parts, dim=1)
+        if site not in self._normalisers:
+            self._normalisers[site] = log_normaliser(self.queries[site], self.keys[site], self.scales[site])
+        chosen = self.keys[site][:, list(tokens)].float().transpose(-1, -2)
+        logits = self.queries[site].float() @ chosen * self.scales[site]
+        return (logits - self._normalisers[site][..., None]).exp()
 
     def _require(self, site: str) -> None:
         if site not in self.queries:
@@ -129,8 +131,7 @@ class Observer:
 class MultiHeadAttention(nn.Module):
     """Scaled dot-product attention with one fused input projection (q, k, v in this order).
 
-    `path` is "fused" (torch's kernel, for inference and large grids) or "plain" (matmul and softmax, faster in
-    training at a few hundred tokens). `scales_by_tokens` multiplies the logits by log N / log 196.
+    `path` names one of `attention_kernels.KERNELS`. `scales_by_tokens` multiplies the logits by log N / log 196.
     """
 
     def __init__(self, dim: int, heads: int, site: str, scales_by_tokens: bool = False) -> None:
@@ -154,10 +155,8 @@ class MultiHeadAttention(nn.Module):
 
         if observer.is_uniform(self.site):
             mixed = v.mean(2, keepdim=True).expand_as(q)
-        elif self.path == "fused":
-            mixed = scaled_dot_product_attention(q, k, v, scale=scale)
         else:
-            mixed = torch.softmax(q @ k.transpose(-1, -2) * scale, dim=-1) @ v
+            mixed = KERNELS[self.path](q, k, v, scale)
         if masked := observer.masked_heads(self.site):
             mixed = mixed.index_fill(1, torch.tensor(masked, device=mixed.device), 0.0)
 

@@ -6,24 +6,29 @@ import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import torch
 from torch import nn
 
 from etnet.nets.attention import MultiHeadAttention
+from etnet.nets.attention_kernels import has_onednn
+from etnet.nets.packed import pack, unpack
 
 Precision = Literal["fp32", "bf16"]
-AttentionPath = Literal["fused", "plain"]
+AttentionPath = Literal["fused", "plain", "tiled", "by_heads"]
 
 
 @dataclass(frozen=True, slots=True)
 class Runtime:
-    """Precision, attention kernel and memory format of one network."""
+    """Precision, attention kernel, memory format and packing of one network."""
 
     precision: Precision = "fp32"
     attention: AttentionPath = "fused"
     channels_last: bool = False
+    packed: bool = False
+    """Layers run in the form that is packed once for the processor's kernels, where there is one (`nets.packed`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +40,8 @@ class Contract:
     threads: int
     torch_version: str
     machine: str
+    isa: str = ""
+    """The vector instructions that torch uses here ("AVX512"); empty where an older file does not say."""
 
 
 def apply_runtime(model: nn.Module, runtime: Runtime) -> None:
@@ -44,6 +51,7 @@ def apply_runtime(model: nn.Module, runtime: Runtime) -> None:
             module.path = runtime.attention
     layout = torch.channels_last if runtime.channels_last else torch.contiguous_format
     model.to(memory_format=layout)  # pyright: ignore[reportCallIssue]  torch's stub lacks this overload
+    (pack if runtime.packed else unpack)(model)
     model.runtime = runtime  # pyright: ignore[reportArgumentType]
 
 
@@ -56,7 +64,24 @@ def device_of(model: object) -> torch.device:
 def contract_of(model: object) -> Contract:
     """The contract under which `model` runs now."""
     runtime = getattr(model, "runtime", Runtime())
-    return Contract(runtime, str(device_of(model)), torch.get_num_threads(), torch.__version__, platform.machine())
+    return Contract(
+        runtime, str(device_of(model)), torch.get_num_threads(), torch.__version__, platform.machine(), isa_of_machine()
+    )
+
+
+@lru_cache(maxsize=1)
+def isa_of_machine() -> str:
+    """The vector instructions that torch uses on this processor, with those for bf16 where it has them."""
+    features = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
+    extra = [name for name in ("avx512_bf16", "amx_bf16") if features.get(name)]
+    return " ".join((torch.backends.cpu.get_cpu_capability(), *extra))
+
+
+def default_runtime(precision: Precision = "fp32", device: str = "cpu") -> Runtime:
+    """The kernels that were fastest where they were measured (docs/performance.md), in this precision."""
+    if torch.device(device).type == "cpu" and has_onednn():
+        return Runtime(precision, "by_heads" if precision == "fp32" else "tiled", channels_last=True, packed=True)
+    return Runtime(precision)
 
 
 @contextmanager

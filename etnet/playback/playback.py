@@ -15,9 +15,11 @@ from etnet.events.recording import Recording
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.base import Pyramid, Reconstructor, State, Step, variance_of
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.nets.runtime import device_of
+from etnet.nets.runtime import contract_of, device_of
 from etnet.playback.checkpoints import Checkpoints
+from etnet.playback.disk_cache import DiskCache, RunCache
 from etnet.playback.frames import Frames
+from etnet.playback.run_key import run_cache
 from etnet.reconstruction import window_voxel
 from etnet.windows import Window
 
@@ -49,7 +51,8 @@ class Playback:
 
     A frame comes from the frame cache; else from the state after its window, decoded with no replay; else from the
     nearest state before it, replaying `encode` alone, and one `decode`. Used by one thread at a time. States before
-    an intervention's start are shared with the branch (`branch`).
+    an intervention's start are shared with the branch (`branch`). With `disk`, what an earlier run under the same
+    contract has kept counts as held, and what this one makes is kept for later ones.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class Playback:
         recording: Recording,
         windows: Sequence[Window],
         budget_bytes: int = 512 << 20,
+        disk: DiskCache | None = None,
     ) -> None:
         self.model = model
         self.recording = recording
@@ -70,6 +74,8 @@ class Playback:
         self._states = Checkpoints(int(budget_bytes * STATE_SHARE))
         self._frames = Frames(budget_bytes - int(budget_bytes * STATE_SHARE))
         self._playhead = 0
+        self._disk = None if disk is None else run_cache(disk, model, recording, windows)
+        self._contract = contract_of(model)
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -77,6 +83,7 @@ class Playback:
     def grow(self, recording: Recording, windows: Sequence[Window]) -> None:
         """The recording is longer by now: `windows` are those from before, which are what they were, and more."""
         if len(windows) > len(self.windows):
+            self._disk = None
             self.recording, self.windows = recording, windows
 
     def at(
@@ -95,19 +102,29 @@ class Playback:
         """
         self._check(index)
         self._playhead = index
-        frame = self._frames.get((index, intervention)) if probe is None else None
+        frame = self.frame(index, intervention) if probe is None else None
         state = self._state(index)
         if frame is not None and state is not None:
             return Step(frame, state, variance=variance_of(self.model, state))
         with torch.inference_mode():
             pyramid, state = self._pyramid(index, cancelled, progress)
+            if frame is not None:
+                return Step(frame, state, variance=variance_of(self.model, state))
             frame, attention = self.model.decode(pyramid, probe, self._decoding(intervention, index))
         self._frames.put((index, intervention), frame)
+        if intervention == ORIGINAL and (disk := self._usable_disk()) is not None:
+            disk.put_frame(index, frame)
         return Step(frame, state, attention, variance_of(self.model, state))
 
     def frame(self, index: int, intervention: Intervention = ORIGINAL) -> Float[Tensor, "1 1 h w"] | None:
-        """The frame of window `index` if it is held, else `None`; computes nothing."""
-        return self._frames.get((index, intervention))
+        """The frame of window `index` if it is held, here or on disk, else `None`; computes nothing."""
+        frame = self._frames.get((index, intervention))
+        if frame is None and intervention == ORIGINAL and (disk := self._usable_disk()) is not None:
+            frame = disk.frame(index)
+            if frame is not None:
+                frame = frame.to(device_of(self.model))
+                self._frames.put((index, intervention), frame)
+        return frame
 
     def lay_state(self, index: int, cancelled: Callable[[], bool] | None = None) -> None:
         """Make sure that the state after window `index` was computed, decoding nothing (prefetch)."""
@@ -151,7 +168,7 @@ class Playback:
     def plan(self, index: int) -> Seek:
         """What `at(index)` would have to do now."""
         self._check(index)
-        has_frame = (index, ORIGINAL) in self._frames
+        has_frame = self.has_frame(index)
         if self._state(index) is not None:
             return Seek(index, index, 0, has_frame)
         before = self._nearest_before(index)
@@ -160,11 +177,15 @@ class Playback:
     def cached(self) -> CacheReport:
         """Which frames and states are held now."""
         frames = {key[0] for key in self._frames.keys() if isinstance(key, tuple) and key[1] == ORIGINAL}  # noqa: SIM118
+        disk = self._usable_disk()
+        frames |= frozenset() if disk is None else disk.frames
         return CacheReport(_ranges(frames), _ranges(self._states), self._frames.nbytes + self._states.nbytes)
 
     def has_frame(self, index: int, intervention: Intervention = ORIGINAL) -> bool:
-        """Whether the frame of window `index` is held."""
-        return (index, intervention) in self._frames
+        """Whether the frame of window `index` is held, here or on disk."""
+        if (index, intervention) in self._frames:
+            return True
+        return intervention == ORIGINAL and (disk := self._usable_disk()) is not None and index in disk.frames
 
     def branch(self, at: int, intervention: Intervention = ORIGINAL, edit: EventEdit = UNEDITED) -> Playback:
         """A playback in which `intervention` and `edit` hold from window `at` on; all states before it are shared.
@@ -200,7 +221,7 @@ class Playback:
         for i in range(before + 1, index + 1):
             _raise_if(cancelled)
             pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))
-            self._owner(i)._states.put(i, state, index)
+            self._owner(i)._keep_state(i, state, index)
             if progress is not None:
                 progress(i - before, index - before)
         assert pyramid is not None
@@ -214,12 +235,32 @@ class Playback:
         """The playback whose changes hold at window `index` and that keeps its state: this one or one it branches."""
         return self if self.parent is None or index >= self.branch_at else self.parent._owner(index)
 
+    def _usable_disk(self) -> RunCache | None:
+        """What is kept on disk of this run; nothing once the network runs in another way than it did."""
+        return self._disk if self._disk is not None and contract_of(self.model) == self._contract else None
+
+    def _keep_state(self, index: int, state: State, playhead: int) -> None:
+        self._states.put(index, state, playhead)
+        if (disk := self._usable_disk()) is not None:
+            disk.put_state(index, state)
+
     def _state(self, index: int) -> State | None:
-        return self._owner(index)._states.get(index)
+        owner = self._owner(index)
+        held = owner._states.get(index)
+        if held is None and (disk := owner._usable_disk()) is not None and (state := disk.state(index)) is not None:
+            held = state.to(device_of(self.model))
+            owner._states.put(index, held, index)
+        return held
 
     def _nearest_before(self, index: int) -> int:
         """The nearest index before `index` whose state is held, here or before the branch; −1 for none."""
         nearest = self._states.nearest_before(index)
+        if (disk := self._usable_disk()) is not None:
+            for kept in sorted(
+                (i for i in disk.states if (-1 if nearest is None else nearest) < i < index), reverse=True
+            ):
+                if self._state(kept) is not None:
+                    return kept
         if self.parent is not None and (nearest is None or nearest < self.branch_at):
             nearest = self.parent._nearest_before(min(index, self.branch_at))
         return -1 if nearest is None else nearest

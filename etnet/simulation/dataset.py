@@ -25,15 +25,20 @@ def write_dataset(
     seed: int,
     with_flow: bool = True,
     progress: Callable[[float], None] | None = None,
+    share: tuple[int, int] = (0, 1),
 ) -> tuple[Path, ...]:
     """Write sequence_00000.h5 … and return their paths; what is there already is kept, if its settings are these.
 
-    Sequence i depends on (pictures, config, seed, i) alone. `progress` hears the fraction done.
+    Sequence i depends on (pictures, config, seed, i) alone. `progress` hears the fraction done. Of several processes
+    each writes those of its `share` (number, how many processes): they are all of one length.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / f"sequence_{i:05d}.h5" for i in range(num_sequences))
     settings = json.dumps({"seed": seed, "flow": with_flow, "config": asdict(config)}, sort_keys=True)
-    for i, path in enumerate(paths):
+    rank, num_processes = share
+    mine = range(rank, num_sequences, num_processes)
+    for number, i in enumerate(mine, start=1):
+        path = paths[i]
         if path.exists():
             _check_settings(path, settings)
         else:
@@ -42,8 +47,8 @@ def write_dataset(
             attributes = {"source": "etnet.simulation", "settings": settings, "index": i, "drawn": drawn}
             write_take(path, take_of(sequence, with_flow), attributes)
         if progress is not None:
-            progress((i + 1) / num_sequences)
-    return paths
+            progress(number / len(mine))
+    return tuple(paths[i] for i in mine)
 
 
 def _check_settings(path: Path, settings: str) -> None:

@@ -62,5 +62,12 @@ def test_the_version_of_torch_counts(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_nothing_in_the_contract_is_left_out_above():
-    assert {field.name for field in fields(Contract)} == {"runtime", "device", "threads", "torch_version", "machine"}
-    assert {field.name for field in fields(Runtime)} == {"precision", "attention", "channels_last"}
+    assert {field.name for field in fields(Contract)} == {
+        "runtime",
+        "device",
+        "threads",
+        "torch_version",
+        "machine",
+        "isa",
+    }
+    assert {field.name for field in fields(Runtime)} == {"precision", "attention", "channels_last", "packed"}

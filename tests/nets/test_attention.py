@@ -39,7 +39,7 @@ def test_rows_equal_the_dense_map_and_sum_to_one():
         edge = [0, attention.grid.token_at(37, 20), attention.grid.num_tokens - 1]
         torch.testing.assert_close(attention.rows(site, edge).double(), dense[:, edge], atol=1e-6, rtol=0)
         torch.testing.assert_close(attention.rows(site, edge).sum(-1), torch.ones(q.shape[0], 3), atol=1e-6, rtol=0)
-        columns = attention.columns(site, edge, tile=4)
+        columns = attention.columns(site, edge)
         torch.testing.assert_close(columns, attention.rows(site, everything)[..., edge], atol=1e-6, rtol=0)
 
 

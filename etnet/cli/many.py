@@ -1,0 +1,248 @@
+"""Many recordings over many processes: who does which, what is done already, how long the rest takes.
+
+The processes are started by torchrun, by SLURM or by hand; they agree because each deals the same list in the same way.
+Names and totals alone pass between them, through the output folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from etnet.cli.progress import console
+from etnet.errors import EtnetError
+
+Work = Callable[[Path, Path, Callable[[float], None]], int]
+"""(recording, its output folder, told the fraction done) → frames written. Raises an EtnetError where it fails."""
+
+DONE, FAILED, CLAIM = "done.json", "failed.txt", ".claim"
+SAYS_EVERY = 60.0
+"""Seconds from one line of progress to the next where no terminal shows a bar."""
+_FOLDER_SIGNS = ("events.txt", "events_ts.npy", "metadata.yaml")
+_BESIDE_EVENTS = ("images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt")
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """This process among those that do the work: `rank` of `size`."""
+
+    rank: int = 0
+    size: int = 1
+
+
+def this_share(environment: Mapping[str, str] = os.environ) -> Share:
+    """Who this process is: by torchrun's RANK and WORLD_SIZE, SLURM's tasks, or SLURM's job array; else alone."""
+    for rank, size, first in (
+        ("RANK", "WORLD_SIZE", ""),
+        ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN"),
+        ("SLURM_PROCID", "SLURM_NTASKS", ""),
+    ):
+        if rank not in environment or size not in environment:
+            continue
+        try:
+            share = Share(int(environment[rank]) - int(environment.get(first, "0")), int(environment[size]))
+        except ValueError:
+            share = Share(-1, 0)
+        if not 0 <= share.rank < share.size:
+            raise EtnetError(
+                f"{rank} is {environment[rank]} and {size} {environment[size]}; wanted a number from 0 and how many "
+                "there are: a job array counts without gaps (--array=0-7)"
+            )
+        if share.size > 1 or first == "":
+            return share
+    return Share()
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One recording, the folder that its output goes to, and its size, by which work is dealt."""
+
+    path: Path
+    folder: Path
+    nbytes: int
+
+
+def recordings_in(paths: Sequence[Path], out: Path) -> tuple[Path, ...]:
+    """Every recording among files and folders, each once. A folder that is a recording counts as one; what lies in
+    `out` was written by this command and is left out."""
+    found: dict[Path, Path] = {}
+    for path in paths:
+        if not path.exists():
+            raise EtnetError(f"{path}: there is no such file or folder")
+        for each in _recordings_below(path, out.resolve()):
+            found.setdefault(each.resolve(), each)
+    if not found:
+        raise EtnetError(
+            f"{', '.join(map(str, paths))}: no recording lies there; name files, or a folder that has some"
+        )
+    return tuple(found.values())
+
+
+def jobs_of(recordings: Sequence[Path], out: Path) -> tuple[Job, ...]:
+    """One job a recording. Where two have one name, a part of the hash of their paths tells their folders apart."""
+    stems = [path.stem if path.is_file() else path.name for path in recordings]
+    jobs = []
+    for path, stem in zip(recordings, stems, strict=True):
+        mark = "" if stems.count(stem) == 1 else f"-{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:6]}"
+        jobs.append(Job(path, out / f"{stem}{mark}", _nbytes(path)))
+    return tuple(jobs)
+
+
+def dealt(jobs: Sequence[Job], share: Share) -> tuple[Job, ...]:
+    """This process's jobs, the largest first: each goes to whom the fewest bytes were dealt so far."""
+    loads, mine = [0] * share.size, []
+    for job in sorted(jobs, key=lambda job: (-job.nbytes, str(job.folder))):
+        rank = loads.index(min(loads))
+        loads[rank] += max(job.nbytes, 1)
+        if rank == share.rank:
+            mine.append(job)
+    return tuple(mine)
+
+
+@dataclass
+class Remaining:
+    """How long the rest takes, from what was done so far: bytes at the mean speed since the start."""
+
+    total: int
+    clock: Callable[[], float] = time.monotonic
+    done: float = 0.0
+    started: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        self.started = self.clock()
+
+    def seconds(self, fraction: float = 0.0, of: int = 0) -> float | None:
+        """Seconds to the end, with `fraction` of a job of `of` bytes done beside what is finished; None: unknown."""
+        done = self.done + fraction * of
+        return None if done <= 0 else (self.clock() - self.started) * (self.total - done) / done
+
+
+def run_many(jobs: Sequence[Job], share: Share, settings: str, work: Work) -> int:
+    """Do this process's part of `jobs`; 1 when any of it failed, and the failures are named at the end.
+
+    A job that was finished with the same `settings` is not done again; one that another process is at is left to it.
+    """
+    mine = dealt(jobs, share)
+    waiting = [job for job in mine if not is_done(job, settings)]
+    _say(f"{len(mine)} of {len(jobs)} recordings are this process's; {len(mine) - len(waiting)} are done already")
+    remaining, failures = Remaining(sum(max(job.nbytes, 1) for job in waiting)), []
+    for number, job in enumerate(waiting, start=1):
+        label = f"[{number}/{len(waiting)}] {job.path.name}"
+        try:
+            with _claimed(job) as is_ours:
+                if not is_ours:
+                    _say(f"{label}: another process is at it")
+                elif not is_done(job, settings):
+                    frames = work(job.path, job.folder, _Telling(label, job, remaining))
+                    _finish(job, settings, frames)
+        except Exception as error:  # whatever it is, it is this recording's and ends no other
+            said = str(error) if isinstance(error, EtnetError) else f"{type(error).__name__}: {error}"
+            failures.append((job, said))
+            _note_failure(job, said)
+            _say(f"{label}: failed, {said}")
+        remaining.done += max(job.nbytes, 1)
+        rest = remaining.seconds()
+        if rest is not None and number < len(waiting):
+            _say(f"{label}: done; all of this process's in about {in_words(rest)}")
+    num_done = sum(is_done(job, settings) for job in jobs)
+    _say(f"{num_done} of {len(jobs)} recordings are done" + (f", {len(failures)} failed:" if failures else ""))
+    for job, error in failures:
+        _say(f"  {job.path}: {error}")
+    return 1 if failures else 0
+
+
+def is_done(job: Job, settings: str) -> bool:
+    """Whether the job was finished with these settings from the file as it is."""
+    try:
+        done = json.loads((job.folder / DONE).read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(done, dict) and done.get("settings") == settings and done.get("bytes") == job.nbytes
+
+
+def in_words(seconds: float) -> str:
+    """A time to wait, as one says it."""
+    if seconds < 90:
+        return f"{max(round(seconds), 1)} s"
+    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+class _Telling:
+    """A line a minute on how far a job is and when all are done."""
+
+    def __init__(self, label: str, job: Job, remaining: Remaining) -> None:
+        self._label, self._job, self._remaining = label, job, remaining
+        self._said = remaining.clock()
+
+    def __call__(self, fraction: float) -> None:
+        if self._remaining.clock() - self._said < SAYS_EVERY:
+            return
+        self._said = self._remaining.clock()
+        rest = self._remaining.seconds(fraction, max(self._job.nbytes, 1))
+        when = "" if rest is None else f"; all of this process's in about {in_words(rest)}"
+        _say(f"{self._label}: {fraction:.0%}{when}")
+
+
+@contextmanager
+def _claimed(job: Job) -> Generator[bool]:
+    """Whether this process alone works on the job. The lock goes with the process that held it, however it ends."""
+    job.folder.mkdir(parents=True, exist_ok=True)
+    try:
+        import fcntl
+    except ImportError:
+        # Not a POSIX system: nothing tells whether another process is at it.
+        yield True
+        return
+    with (job.folder / CLAIM).open("w") as claim:
+        try:
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+
+
+def _note_failure(job: Job, said: str) -> None:
+    with contextlib.suppress(OSError):
+        (job.folder / FAILED).write_text(f"{said}\n")
+
+
+def _finish(job: Job, settings: str, frames: int) -> None:
+    (job.folder / FAILED).unlink(missing_ok=True)
+    done = {"recording": job.path.name, "bytes": job.nbytes, "frames": frames, "settings": settings}
+    unfinished = job.folder / f"{DONE}.part"
+    unfinished.write_text(json.dumps(done, indent=1) + "\n")
+    os.replace(unfinished, job.folder / DONE)
+
+
+def _recordings_below(path: Path, out: Path) -> list[Path]:
+    from etnet.events.formats.registry import FORMATS
+
+    if not path.is_dir() or any((path / sign).is_file() for sign in _FOLDER_SIGNS):
+        return [path]
+    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix}
+    found: list[Path] = []
+    for each in sorted(path.iterdir()):
+        if each.name.startswith(".") or each.resolve() == out:
+            continue
+        if each.is_dir():
+            found += _recordings_below(each, out)
+        elif each.suffix.lower() in suffixes and each.name.lower() not in _BESIDE_EVENTS:
+            found.append(each)
+    return found
+
+
+def _nbytes(path: Path) -> int:
+    files = [path] if path.is_file() else [each for each in path.rglob("*") if each.is_file()]
+    return sum(each.stat().st_size for each in files)
+
+
+def _say(line: str) -> None:
+    console.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,228 @@
+"""The cache on disk: bit for bit what was given, within its budget, and never of another run."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+import torch
+
+from etnet.cli.main import main
+from etnet.events.recording import Growth, Recording, recording_of_events
+from etnet.nets.base import State
+from etnet.nets.intervention import Intervention
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import Runtime, apply_runtime, contract_of
+from etnet.playback import disk_cache
+from etnet.playback.disk_cache import STATE_SPACING, DiskCache
+from etnet.playback.playback import Playback
+from etnet.playback.run_key import recording_key, run_cache, run_key, windows_key
+from etnet.windows import ByCount, ByDuration, plan_windows
+from tests.strategies import make_events
+
+NUM_WINDOWS = 40
+PATHS = [Runtime(), Runtime("fp32", "by_heads", True, True), Runtime("bf16", "tiled", True, True)]
+
+
+def _recording(num_events: int = NUM_WINDOWS * 50) -> Recording:
+    return recording_of_events(make_events(num_events))
+
+
+def _model(runtime: Runtime = PATHS[0]):
+    model = build_model("tiny")
+    apply_runtime(model, runtime)
+    return model
+
+
+def _playback(folder: Path, model=None, recording: Recording | None = None) -> tuple[Playback, DiskCache]:
+    recording, disk = recording or _recording(), DiskCache(folder)
+    return Playback(model or _model(), recording, plan_windows(recording, ByCount(50)), disk=disk), disk
+
+
+class Unwilling:
+    """Stands before a network and fails where it is asked to compute."""
+
+    def __init__(self, playback: Playback) -> None:
+        self.encoded = self.decoded = 0
+        model, encode, decode = playback.model, playback.model.encode, playback.model.decode
+
+        def counted_encode(*arguments):
+            self.encoded += 1
+            return encode(*arguments)
+
+        def counted_decode(*arguments):
+            self.decoded += 1
+            return decode(*arguments)
+
+        model.encode, model.decode = counted_encode, counted_decode
+
+
+@pytest.mark.parametrize("runtime", PATHS, ids=str)
+def test_after_a_restart_frames_and_far_seeks_are_there_bit_for_bit(tmp_path, runtime):
+    first, disk = _playback(tmp_path, _model(runtime))
+    truth = [first.at(index).frame for index in range(NUM_WINDOWS)]
+    disk.flush()
+
+    again, disk = _playback(tmp_path, _model(runtime))
+    counted = Unwilling(again)
+    assert again.cached().frames != ()
+    for index in (NUM_WINDOWS - 1, 3, 20):
+        frame = again.frame(index)
+        assert frame is not None
+        assert torch.equal(frame, truth[index])
+    assert (counted.encoded, counted.decoded) == (0, 0)
+
+    for path in tmp_path.glob("*/*.frame"):
+        path.unlink()
+    fresh, _ = _playback(tmp_path, _model(runtime))
+    counted = Unwilling(fresh)
+    assert torch.equal(fresh.at(NUM_WINDOWS - 1).frame, truth[-1])
+    assert counted.encoded < STATE_SPACING
+    assert counted.decoded == 1
+    assert torch.equal(fresh.at(17).frame, truth[17])
+
+
+def test_a_frame_on_disk_is_not_decoded_again(tmp_path):
+    first, disk = _playback(tmp_path)
+    step = first.at(5)
+    disk.flush()
+    again, _ = _playback(tmp_path)
+    counted = Unwilling(again)
+    other = again.at(5)
+    assert torch.equal(other.frame, step.frame)
+    assert all(torch.equal(a, b) for a, b in zip(other.state, step.state, strict=True))
+    assert counted.decoded == 0
+
+
+def test_another_run_finds_nothing(tmp_path):
+    model, recording = _model(), _recording()
+    windows, contract = plan_windows(recording, ByCount(50)), contract_of(model)
+    key = run_key(model, recording, windows, contract)
+    other_weights = build_model("tiny", torch.Generator().manual_seed(3))
+    others = [
+        run_key(other_weights, recording, windows, contract),
+        run_key(model, _recording(NUM_WINDOWS * 50 - 1), windows, contract),
+        run_key(model, recording, plan_windows(recording, ByCount(51)), contract),
+        run_key(model, recording, windows[:-1], contract),
+        run_key(model, recording, windows, dataclasses.replace(contract, threads=contract.threads + 1)),
+        run_key(model, recording, windows, dataclasses.replace(contract, isa="none")),
+        run_key(model, recording, windows, dataclasses.replace(contract, runtime=Runtime(packed=True))),
+    ]
+    assert key == run_key(_model(), _recording(), plan_windows(_recording(), ByCount(50)), contract)
+    assert len({key, *others}) == len(others) + 1
+
+
+def test_one_event_that_differs_is_another_recording():
+    events = make_events(500)
+    other = dataclasses.replace(events, p=-events.p)
+    assert recording_key(recording_of_events(events)) != recording_key(recording_of_events(other))
+    recording = recording_of_events(events)
+    assert windows_key(plan_windows(recording, ByDuration(1000))) != windows_key(
+        plan_windows(recording, ByDuration(1000, 500))
+    )
+
+
+def test_a_change_of_the_runtime_leaves_the_cache_alone(tmp_path):
+    playback, disk = _playback(tmp_path)
+    playback.at(2)
+    disk.flush()
+    apply_runtime(playback.model, PATHS[2])
+    assert playback.cached().frames == (range(2, 3),)
+    playback.at(4)
+    disk.flush()
+    assert {path.name for path in tmp_path.glob("*/*.frame")} == {"2.frame"}
+    assert not _playback(tmp_path, _model(PATHS[2]))[0].has_frame(2)
+
+
+def test_what_is_changed_or_grows_is_not_kept(tmp_path):
+    playback, disk = _playback(tmp_path)
+    playback.at(2, intervention=Intervention(without_context=True))
+    playback.branch(1, Intervention(zeroed_levels=frozenset({1}))).at(3)
+    disk.flush()
+    assert not list(tmp_path.glob("*/3.frame"))
+    assert not list(tmp_path.glob("*/2.frame"))
+    growing = dataclasses.replace(_recording(), growth=Growth())
+    assert run_cache(disk, _model(), growing, plan_windows(growing, ByCount(50))) is None
+
+
+def test_a_damaged_file_is_one_that_is_not_there(tmp_path):
+    first, disk = _playback(tmp_path)
+    truth = first.at(3).frame
+    disk.flush()
+    path = next(tmp_path.glob("*/3.frame"))
+    content = bytearray(path.read_bytes())
+    for spoilt in (content[:-9], b"", bytes([*content[:40], content[40] ^ 1, *content[41:]])):
+        path.write_bytes(spoilt)
+        again, other = _playback(tmp_path)
+        assert again.frame(3) is None
+        assert torch.equal(again.at(3).frame, truth)
+        other.flush()
+
+
+def test_the_budget_holds_and_the_least_recently_used_go_first(tmp_path):
+    disk = DiskCache(tmp_path, budget_bytes=40_000)
+    old, new = disk.run("old", "old"), disk.run("new", "new")
+    for index in range(10):
+        old.put_frame(index, torch.full((1, 1, 20, 30), float(index)))
+        disk.flush()
+    for index in range(10):
+        new.put_frame(index, torch.full((1, 1, 20, 30), float(index)))
+        disk.flush()
+    assert sum(path.stat().st_size for path in tmp_path.glob("*/*.*")) <= 41_000
+    frame = DiskCache(tmp_path).run("new", "new").frame(9)
+    assert frame is not None
+    assert torch.equal(frame, torch.full((1, 1, 20, 30), 9.0))
+    assert disk.run("old", "old").frame(0) is None
+    new.put_frame(77, torch.zeros(1, 1, 200, 300))
+    disk.flush()
+    assert new.frame(77) is None
+
+
+def test_a_state_comes_back_in_its_dtype_and_memory_format(tmp_path):
+    disk = DiskCache(tmp_path)
+    run = disk.run("key", "title")
+    last = torch.randn(1, 4, 5, 6).contiguous(memory_format=torch.channels_last)
+    state = State(
+        (last, torch.randn(1, 4, 5, 6), torch.randn(1, 2, 3, 4).bfloat16(), *(last.clone() for _ in range(9)))
+    )
+    run.put_state(STATE_SPACING - 1, state)
+    run.put_state(STATE_SPACING, state)
+    disk.flush()
+    assert run.states == {STATE_SPACING - 1}
+    found = disk.run("key", "title").state(STATE_SPACING - 1)
+    assert found is not None
+    assert len(found) == len(state)
+    for a, b in zip(found, state, strict=True):
+        assert torch.equal(a, b)
+        assert (a.stride(), a.dtype) == (b.stride(), b.dtype)
+
+
+def test_a_folder_that_cannot_be_written_breaks_nothing(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    playback, disk = _playback(tmp_path / "file" / "below")
+    playback.at(1)
+    disk.flush()
+    assert playback.has_frame(1)
+    assert disk.runs() == ()
+
+
+def test_a_full_queue_drops_and_never_waits(tmp_path, monkeypatch):
+    disk = DiskCache(tmp_path)
+    monkeypatch.setattr(disk, "_writer", object())
+    for _ in range(100):
+        disk.later(lambda: 0)
+    assert disk._jobs.qsize() == disk_cache._WAITING
+
+
+def test_the_command_lists_and_clears(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path))
+    playback, disk = _playback(tmp_path / "frames")
+    playback.at(0)
+    disk.flush()
+    assert main(["cache"]) == 0
+    assert "events · etnet · 40 windows" in capsys.readouterr().out
+    assert main(["cache", "--recording", "nothing"]) == 1
+    assert main(["cache", "--clear"]) == 0
+    assert disk.runs() == ()
+    capsys.readouterr()
+    assert main(["cache"]) == 0
+    assert "0.0 MB" in capsys.readouterr().out
