@@ -164,13 +164,19 @@ def _fit_plain(hint: Any, value: object, metadata: Mapping[str, Any]) -> Any:
         return value
     if hint is int and isinstance(value, int) and not isinstance(value, bool):
         return min(max(value, low), high)
-    if hint is float and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+    if hint is float and isinstance(value, int | float) and not isinstance(value, bool) and not _is_endless(value):
         return float(min(max(value, low), high))
     if hint is str and isinstance(value, str) and len(value) <= metadata.get("longest", LONGEST_TEXT):
+        value.encode()  # half a surrogate pair can be said in JSON, but no page can be sent with it
         pattern = metadata.get("pattern", "")
         if not pattern or re.fullmatch(pattern, value):
             return value
     raise ValueError(f"{str(value)[:40]!r} does not fit")
+
+
+def _is_endless(value: float) -> bool:
+    """Whether a number is NaN or infinite; a whole number never is, however large."""
+    return isinstance(value, float) and not math.isfinite(value)
 
 
 def _fit_union(members: tuple[Any, ...], value: object, metadata: Mapping[str, Any]) -> Any:

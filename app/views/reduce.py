@@ -19,9 +19,9 @@ def reduce_views(state: ViewState, intent: Any, limits: Limits, views: Sequence[
     changed = []
     for view in views:
         before = view.of(state)
-        after = view.reduce(before, intent, here)
-        if isinstance(intent, ask.Set) and intent.view == view.name:
-            after = _set(after, intent)
+        is_set = isinstance(intent, ask.Set) and intent.view == view.name
+        # What was set goes through the view's own reducer, too: fields may depend on each other.
+        after = view.reduce(_set(before, intent) if is_set else before, intent, here)
         if after is not before:
             changed.append(after)
     shared = reduce_shared(state, intent, limits)

@@ -163,11 +163,12 @@ Area = Literal["a", "b", "s1", "s2", "s3", "s4", ""]
 
 
 def areas(state: ViewState, views: Sequence[View]) -> dict[str, Area]:
-    """Where each card stands: two on the stage, the others on the shelf. A shelf card that was sent to the stage
-    changes places with the stage's second."""
+    """Where each card stands: two on the stage, the others on the shelf, as far as it reaches. A shelf card that was
+    sent to the stage changes places with the stage's second."""
     seen = [card for view in open_views(state, views) for card in view.cards]
-    stage = [card.name for card in seen if state.workspace in card.stage][:2]
-    shelf = [card.name for card in seen if state.workspace in card.shelf and card.name not in stage]
+    staged = [card.name for card in seen if state.workspace in card.stage]
+    stage, shelf = staged[:2], staged[2:]
+    shelf += [card.name for card in seen if state.workspace in card.shelf and card.name not in staged]
     if state.staged in shelf and stage:
         place = shelf.index(state.staged)
         stage[-1], shelf[place] = shelf[place], stage[-1]

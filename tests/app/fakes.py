@@ -135,6 +135,20 @@ class Inbox:
         return self.of(Working)
 
 
+class Notes(Inbox):
+    """Takes results of jobs."""
+
+    def __call__(self, slot, result):
+        super().__call__((slot, result))
+
+    def whole(self):
+        return self.wait(lambda reply: reply[1].is_whole)[1]
+
+    @property
+    def shares(self):
+        return [result.share for _, result in self.replies]
+
+
 def request(index, recording="r", model="m", **more):
     return FrameRequest(recording, model, "fp32", POLICY, index, **more)
 

@@ -162,8 +162,8 @@ def served(view=lambda default: default, most_visitors=None, limits=None):
     uploads = None if limits is None else Uploads(limits, shelf.take_in, shelf.let_go)
 
     def visit(client):
-        desk = None if uploads is None else uploads.desk()
-        sessions[client.client_id] = Session(client, VisitorCatalogue(shelf, desk), engine, default, desk)
+        own_files = None if uploads is None else uploads.desk()
+        sessions[client.client_id] = Session(client, VisitorCatalogue(shelf, own_files), engine, default, own_files)
         return sessions[client.client_id]
 
     doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}

@@ -128,7 +128,7 @@ class ComparePanel(Panel):
 
     def _show_lane(self, page: Page) -> None:
         view = page.state.of(CompareState)
-        is_shown = view.inspector in ("lanes", "scores") and bool(view.lanes)
+        is_shown = view.inspector in ("lanes", "scores") and view.chosen < len(view.lanes)
         self._lane.set_visible(is_shown)
         for handle in self._of_lane:
             _see(handle, is_shown)

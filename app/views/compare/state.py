@@ -106,9 +106,12 @@ def reduce_compare(slice_: CompareState, intent: Any, here: Here) -> CompareStat
 
 def _sound(slice_: CompareState) -> CompareState:
     """A stored view may hold more runs than are allowed, or a chosen one that is not there."""
-    if len(slice_.lanes) <= MOST_LANES and slice_.zoom in ZOOMS:
+    lanes = slice_.lanes[:MOST_LANES]
+    chosen = slice_.chosen if slice_.chosen < max(len(lanes), 1) else 0
+    zoom = slice_.zoom if slice_.zoom in ZOOMS else 1
+    if (lanes, chosen, zoom) == (slice_.lanes, slice_.chosen, slice_.zoom):
         return slice_
-    return replace(slice_, lanes=slice_.lanes[:MOST_LANES], chosen=0, zoom=1)
+    return replace(slice_, lanes=lanes, chosen=chosen, zoom=zoom)
 
 
 def compared_lanes(state: ViewState) -> tuple[Lane, ...] | None:

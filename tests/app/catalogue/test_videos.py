@@ -1,0 +1,223 @@
+"""Videos as recordings: one simulation for each setting, made for as long as somebody looks, and never in anybody's way."""
+
+import time
+
+import pytest
+import torch
+
+from app.catalogue.recordings import Catalogue, CatalogueError
+from app.catalogue.uploads import UploadLimits, Uploads
+from app.catalogue.videos import KEPT, Videos, VideoShown, film_id, split_id
+from app.catalogue.visitor import VisitorCatalogue
+from app.catalogue.visitor_uploads import MEGABYTE
+from app.config import ViewerConfig
+from app.engine.requests import FrameRequest
+from app.session.loader import RecordingLoader
+from app.session.opening import Opened, Opening, Unopened
+from app.state.intents import PlayTo, RenameRecording, ReopenRecording, Seek, Settle
+from app.state.view_state import Limits, ViewState
+from app.views.recording.html.video import film_html
+from etnet.errors import EtnetError
+from etnet.playback.playback import Playback
+from etnet.simulation.growing import FEWEST_FRAMES
+from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.fakes import CountingModel, Shelf
+from tests.simulation.test_growing import stepped, video  # noqa: F401
+from tests.simulation.test_video import drifting, write
+
+from tests.app.reducing import reduce
+
+
+@pytest.fixture
+def videos(monkeypatch):
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 0.01)
+    made = Videos()
+    made.forgotten = []
+    made.forget = made.forgotten.append
+    yield made
+    made.close()
+
+
+def until(condition):
+    ends = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        ("data-ab12", ("data-ab12", (0.2, 0.2))),
+        ("data-ab12~0.35~1.50", ("data-ab12", (0.35, 1.5))),
+        ("data-ab12~9.99~1.50", ("data-ab12~9.99~1.50", (0.2, 0.2))),
+        ("data-ab12~0.35", ("data-ab12~0.35", (0.2, 0.2))),
+        ("~0.35~nan", ("~0.35~nan", (0.2, 0.2))),
+    ],
+)
+def test_a_setting_is_part_of_the_id_and_one_that_is_not_offered_is_none(given, parts):
+    assert split_id(given) == parts
+
+
+def test_a_setting_replaces_the_former_one_and_is_brought_to_what_is_offered():
+    assert film_id("data-ab12~0.35~1.50", 0.5, 0.0) == "data-ab12~0.50~0.00"
+    assert film_id("data-ab12", 99.0, -1.0) == "data-ab12~1.00~0.00"
+
+
+def test_a_simulation_is_one_for_all_who_look_and_ends_with_the_last(videos, video):  # noqa: F811
+    videos.begin("one", "v", video, "drift")
+    videos.begin("other", "v", video, "drift")
+    assert videos.open("v").name == "drift"
+    videos.watch("one", None)
+    assert videos.shown("v") is not None
+    until(lambda: videos.shown("v").is_over)
+    path = videos._films["v"].path
+    assert path.exists()
+    videos.close()
+    assert not path.exists()
+    assert videos.forgotten == ["v"]
+
+
+def test_another_setting_ends_the_simulation_before_it(videos, tmp_path, monkeypatch):
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 30.0)
+    path = write(tmp_path / "clip.mp4", drifting(6))
+    videos.begin("one", "v", path, "clip")
+    first = videos._films["v"]
+    videos.begin("one", "v~0.50~0.20", path, "clip")
+    assert list(videos._films) == ["v~0.50~0.20"]
+    assert first.cancelled.is_set()
+    assert videos.forgotten == ["v"]
+    with pytest.raises(EtnetError):
+        videos.open("v")
+
+
+def test_of_whole_simulations_that_nobody_looks_at_a_few_are_kept(videos, video):  # noqa: F811
+    for number in range(KEPT + 2):
+        videos.begin("one", f"v~0.{number + 2}0~0.20", video, "drift")
+        videos.open(f"v~0.{number + 2}0~0.20")
+        until(lambda: videos.shown(f"v~0.{number + 2}0~0.20").is_over)  # noqa: B023
+    videos.watch("one", None)
+    assert len(videos._films) == KEPT
+    assert videos.forgotten == ["v~0.20~0.20", "v~0.30~0.20"]
+
+
+def test_a_playback_that_has_grown_gives_what_one_of_the_whole_gives(stepped):  # noqa: F811
+    growing, go_on = stepped
+    go_on(FEWEST_FRAMES)
+    shelf = Shelf(recordings={"r": growing.wait(lambda: False)})
+    from app.engine.playbacks import PlaybackCache
+
+    playbacks = PlaybackCache(shelf, 64 * MEGABYTE, "cpu", None, shelf.load)
+    asked = FrameRequest("r", "m", "fp32", BetweenFrames(), 1)
+    early = playbacks.loaded(asked).playback.at(1).frame
+    before = len(playbacks.loaded(asked).windows)
+    go_on(6)
+    later = FrameRequest("r", "m", "fp32", BetweenFrames(), before + 3)
+    loaded = playbacks.loaded(later)
+    assert len(loaded.windows) == before + 6
+    frame = loaded.playback.at(before + 3).frame
+    whole = Playback(CountingModel(), growing.recording(), plan_windows(growing.recording(), BetweenFrames()))
+    assert torch.equal(frame, whole.at(before + 3).frame)
+    assert torch.equal(early, whole.at(1).frame)
+
+
+def test_a_page_goes_on_to_the_moment_that_was_asked_for_as_it_is_made(stepped):  # noqa: F811
+    growing, go_on = stepped
+    go_on(FEWEST_FRAMES)
+    posted = []
+    held = RecordingLoader(Watched(), posted.append)
+    recording = growing.wait(lambda: False)
+    policy = BetweenFrames()
+    stamp = 8 * 20_000
+    state = ViewState("v", "m", policy=policy, moment=stamp)
+    from app.session.opening import Plan
+
+    plan = Plan("v", policy)
+    opened = Opened(plan, policy, recording, plan_windows(recording, policy))
+    follows, trouble = held.take(opened, state)
+    assert (follows, trouble) == ((RenameRecording("v"), Settle(policy)), "")
+    for intent in follows:
+        state = reduce(state, intent, held.limits(state))
+    assert state.index == len(opened.windows) - 1
+    assert held.limits(state).is_growing
+    assert held.grow(state) == (False, None)
+    go_on(2)
+    has_grown, follows = held.grow(state)
+    assert has_grown
+    state = reduce(state, follows, held.limits(state))
+    assert state.index == len(opened.windows) + 1
+    go_on(8)
+    _, follows = held.grow(state)
+    state = reduce(state, follows, held.limits(state))
+    assert held.moment(state).window.t_stop == stamp
+    go_on(2)
+    assert held.grow(state) == (True, None)
+
+
+class Watched:
+    def looks_at(self, recording_id):
+        raise AssertionError("it is open")
+
+
+def test_playing_waits_at_the_end_of_what_is_made_and_does_not_start_over():
+    windows = plan_windows(Shelf().recordings["r"], ByCount(50))
+    state = ViewState("v", "m", policy=ByCount(50), index=39, is_playing=True)
+    growing = Limits(None, windows, 0, is_growing=True)
+    assert reduce(state, PlayTo(40), growing) == state
+    assert reduce(state, PlayTo(40), Limits(None, windows, 0)).index == 0
+
+
+def test_another_setting_keeps_the_moment():
+    windows = plan_windows(Shelf().recordings["r"], ByCount(50))
+    limits = Limits(None, windows, 0)
+    state = reduce(ViewState("v", "m", policy=ByCount(50)), Seek(7), limits)
+    anew = reduce(state, ReopenRecording("v~0.50~0.20"), limits)
+    assert anew.recording_id == "v~0.50~0.20"
+    assert anew.moment == windows[7].t_stop
+    assert reduce(anew, Settle(ByCount(50)), limits).index == 7
+
+
+def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_it(video, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 0.01)
+    catalogue = Catalogue(ViewerConfig())
+    uploads = Uploads(UploadLimits.of_megabytes(16), catalogue.take_in, catalogue.let_go)
+    own_files = uploads.desk()
+    content = video.read_bytes()
+    transfer = own_files.begin("holiday.mp4", len(content))
+    transfer.take(content)
+    arrived = transfer.finish()
+    own, other = VisitorCatalogue(catalogue, own_files), VisitorCatalogue(catalogue, uploads.desk())
+    anew = film_id(arrived, 0.4, 0.0)
+    for one in (arrived, anew):
+        with pytest.raises(CatalogueError):
+            other.open(one)
+        other.looks_at(one)
+    assert catalogue.films._films == {}
+    own.looks_at(anew)
+    assert own.open(anew).name == "holiday.mp4"
+    assert own.film(anew).contrast == 0.4
+    path = catalogue.films._films[anew].path
+    own.close()
+    own_files.close()
+    assert catalogue.films._films == {}
+    assert not path.exists()
+    uploads.close()
+    catalogue.close()
+
+
+def test_the_delay_is_said_in_one_line():
+    html = film_html(VideoShown(0.2, 0.2, done=3.0, total=12.0, work=1.5, is_over=False))
+    assert "3.0 of 12.0 s" in html
+    assert "A second of video takes 1.5 s of work here" in html
+    assert "the last 9.0 s take about 14 s more" in html
+    assert "all of its 12.0 s are there" in film_html(VideoShown(0.2, 0.2, 12.0, 12.0, 1.5, True))
+
+
+def test_messages_of_another_recording_change_nothing():
+    held = RecordingLoader(Watched(), print)
+    state = ViewState("v", "m")
+    from app.session.opening import Plan
+
+    for letter in (Opening(Plan("w", None), 0.5), Unopened(Plan("w", None), "no")):
+        assert held.take(letter, state) == ((), "")
+        assert held.trouble == ""

@@ -1,0 +1,73 @@
+"""Each way in which the exact badge must go out: whatever the contract holds, a change of it is seen."""
+
+from dataclasses import fields, replace
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from app.engine.playbacks import is_exact
+from app.engine.requests import FrameRequest
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
+from etnet.windows import ByCount
+
+REQUEST = FrameRequest("recording", "model", "fp32", ByCount(10), 3, False)
+
+
+def _load():
+    model = build_model("tiny")
+    return SimpleNamespace(playback=SimpleNamespace(model=model), contract=contract_of(model))
+
+
+def test_a_frame_is_exact_under_its_own_contract():
+    assert is_exact(_load(), REQUEST)
+    assert REQUEST.intervention == ORIGINAL
+
+
+def test_an_intervention_is_not_exact():
+    assert not is_exact(_load(), replace(REQUEST, intervention=Intervention(uniform_attention=True)))
+
+
+@pytest.mark.parametrize(
+    "runtime", [Runtime(precision="bf16"), Runtime(attention="plain"), Runtime(channels_last=True)], ids=str
+)
+def test_precision_attention_path_and_memory_format_count(runtime: Runtime):
+    loaded = _load()
+    apply_runtime(loaded.playback.model, runtime)
+    assert not is_exact(loaded, REQUEST)
+
+
+def test_threads_count():
+    loaded, before = _load(), torch.get_num_threads()
+    try:
+        torch.set_num_threads(before + 1)
+        assert not is_exact(loaded, REQUEST)
+    finally:
+        torch.set_num_threads(before)
+    assert is_exact(loaded, REQUEST)
+
+
+def test_the_device_counts():
+    loaded = _load()
+    loaded.playback.model.to("meta")
+    assert not is_exact(loaded, REQUEST)
+
+
+def test_the_version_of_torch_counts(monkeypatch: pytest.MonkeyPatch):
+    loaded = _load()
+    monkeypatch.setattr(torch, "__version__", "0.0")
+    assert not is_exact(loaded, REQUEST)
+
+
+def test_nothing_in_the_contract_is_left_out_above():
+    assert {field.name for field in fields(Contract)} == {
+        "runtime",
+        "device",
+        "threads",
+        "torch_version",
+        "machine",
+        "isa",
+    }
+    assert {field.name for field in fields(Runtime)} == {"precision", "attention", "channels_last", "packed"}

@@ -1,0 +1,65 @@
+"""What the engine does while nobody waits."""
+
+import threading
+import time
+
+import numpy as np
+
+from tests.app.fakes import Inbox, hold, request, sequential
+
+
+def test_idle_time_prepares_what_comes_next(shelf, make_engine):
+    engine, inbox = make_engine(prefetches=True), Inbox()
+    engine.request("ada", request(3), inbox)
+    inbox.ready(3)
+    deadline = time.monotonic() + 10
+    while (report := engine.cached(request(3))) is None or not any(27 in held for held in report.frames):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    again = Inbox()
+    engine.request("ada", request(9), again)
+    assert np.array_equal(again.ready(9).frame, sequential(shelf, 9))
+    assert len(again.replies) == 1  # at once: nothing had to be replayed
+
+
+def test_preparing_ends(shelf, make_engine):
+    engine, inbox = make_engine(budget=64 << 10, prefetches=True), Inbox()
+    engine.request("ada", request(3), inbox)
+    inbox.ready(3)
+    steps, quiet_since, deadline = -1, time.monotonic(), time.monotonic() + 20
+    while time.monotonic() < quiet_since + 0.5:
+        assert time.monotonic() < deadline, "it goes on and on"
+        if steps != (steps := shelf.model_instance.decodes):
+            quiet_since = time.monotonic()
+        time.sleep(0.01)
+
+
+def test_a_request_interrupts_preparing(shelf, make_engine):
+    engine, inbox = make_engine(prefetches=True), Inbox()
+    model = shelf.model_instance
+    engine.request("ada", request(0), inbox)
+    gate = hold(model)
+    gate.release(1)  # for window 0 itself, unless it is done already
+    assert model.entered.acquire(timeout=10)
+    engine.request("bob", request(0), bob := Inbox())
+    gate.release(2)
+    bob.ready(0)
+
+
+def test_a_model_can_be_prepared_before_anybody_asks(shelf, make_engine):
+    loaded = threading.Event()
+    load = shelf.load
+    shelf.load = lambda *given: (loaded.set(), load(*given))[1]
+    engine = make_engine()
+    engine.prepare("m", "fp32")
+    assert loaded.wait(10)
+    inbox = Inbox()
+    engine.request("ada", request(0), inbox)
+    inbox.ready(0)
+
+
+def test_preparing_a_model_that_is_missing_harms_nobody(make_engine):
+    engine, inbox = make_engine(), Inbox()
+    engine.prepare("missing", "fp32")
+    engine.request("ada", request(0), inbox)
+    inbox.ready(0)

@@ -1,0 +1,315 @@
+"""The demo that leads itself, and moments as links: the pure parts, and visits by a websocket that plays a browser."""
+
+import asyncio
+import base64
+import contextlib
+import json
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.config import ConfigError, ViewerConfig
+from app.engine.requests import FrameRequest
+from app.session import demo as attract
+from app.session.demo import (
+    BURST,
+    IDLE,
+    MOST_MESSAGES,
+    STALLED,
+    DemoScript,
+    Throttle,
+    intents_of,
+    public_view,
+    steps_of,
+)
+from app.state import intents as ask
+from app.state.link import LONGEST, LinkError, to_link
+from app.state.view_state import Limits, ViewState
+from app.views.compare.state import CompareState, Lane
+from app.views.demo.state import PointAt
+from app.views.inspect.state import Switch
+from etnet.events.events import Sensor
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
+from tests.app.stand_ins import Browser, served
+
+from tests.app.reducing import from_link, reduce
+
+OPEN = Limits(Sensor(40, 30), [Window(i, i * 10, i * 10 + 10, i * 1000, i * 1000 + 1000) for i in range(30)])
+
+
+# ---- the show ----
+
+
+def test_the_show_runs_through_all_acts_of_all_recordings_and_begins_again():
+    show, now, seen = DemoScript(["a", "b"]), 0.0, []
+    for _ in range(2 * len(steps_of("a")) + 1):
+        beat = show.due(True, now)
+        seen.append((beat.recording_id, beat.act))
+        assert show.due(True, now + beat.seconds * 0.9) is None
+        now += beat.seconds + 1e-6
+    assert [name for name, _ in seen if name] == ["a", "b", "a"]
+    assert list(dict.fromkeys(act for _, act in seen)) == ["events", "image", "places"]
+
+
+def test_a_beat_counts_from_when_there_is_something_to_see_but_not_for_ever():
+    show = DemoScript(["a"])
+    first = show.due(False, 0.0)
+    assert show.due(False, 15.0) is None
+    assert show.due(True, 15.0 + first.seconds * 0.9) is None
+    assert show.due(True, 15.0 + first.seconds).act == "image"
+    broken = DemoScript(["a"])
+    broken.due(False, 0.0)
+    assert broken.due(False, STALLED + first.seconds + 1).act == "image"
+
+
+def test_a_touch_ends_the_show_and_idleness_starts_it_from_its_first_recording():
+    show = DemoScript(["a", "b"])
+    show.due(True, 0.0)
+    assert show.touch(1.0)
+    assert not show.touch(50.0)
+    assert show.due(True, 50.0 + IDLE - 0.1) is None
+    beat = show.due(True, 50.0 + IDLE)
+    assert (beat.recording_id, beat.act) == ("a", "events")
+    assert show.is_leading
+
+
+@given(st.lists(st.floats(0, 5), max_size=2000))
+def test_no_visitor_gets_more_messages_through_than_the_bucket_holds(waits):
+    throttle, now, passed = Throttle(0.0), 0.0, 0
+    for wait in waits:
+        now += wait
+        passed += throttle.takes(now)
+    assert passed <= BURST + MOST_MESSAGES * now + 1
+
+
+def test_beats_ask_only_for_what_changes():
+    playing = replace(public_view(ViewState()), is_playing=True)
+    assert intents_of(steps_of("a")[0], playing) == (PointAt("events"),)
+    last = intents_of(steps_of("a")[-1], playing)
+    assert last[:2] == (PointAt("places"), ask.TogglePlay())
+    state = playing
+    for intent in last:
+        state = reduce(state, intent, OPEN)
+    assert not state.is_playing
+    assert state.query is not None
+
+
+def test_pointing_is_of_the_demo_alone():
+    assert reduce(ViewState(), PointAt("image"), OPEN) == ViewState()
+
+
+def test_a_demo_offers_no_folder(tmp_path):
+    with pytest.raises(ConfigError, match="leave --data out"):
+        ViewerConfig(demo=True, data=tmp_path)
+
+
+# ---- links ----
+
+STATE = ViewState(
+    recording_id="bundled-prints", model_id="etnet-half", precision="fp32", policy=ByCount(1234), index=7,
+    is_playing=True, workspace="attention", query=(12, 3), site="scale2.decoder.0.cross", head=3, camera="front",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("policy", [BetweenFrames(), ByCount(7), ByDensity(0.35), ByDuration(20_000, 5_000)])
+def test_a_link_leads_to_the_same_moment_paused_whatever_was_on_show_before(policy):
+    linked, refused = from_link(
+        to_link(replace(STATE, policy=policy), 5000), ViewState(recording_id="other", speed=0.5)
+    )
+    assert refused == ()
+    assert linked == replace(STATE, policy=policy, index=0, moment=5000, is_playing=False, speed=0.5)
+
+
+def test_a_link_can_stand_in_an_address_as_it_is():
+    assert set(to_link(STATE, -5)) <= set("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_")
+
+
+def of(**carried):
+    return base64.urlsafe_b64encode(json.dumps(carried).encode()).decode()
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("", "cannot be read"),
+        ("%%%", "cannot be read"),
+        ("ü", "cannot be read"),
+        (base64.urlsafe_b64encode(b"[" * 1000).decode(), "cannot be read"),
+        ("A" * 5000, "5,000 characters"),
+        (to_link(STATE, 5)[:-20], "cannot be read"),
+        (of(v=2, t=5, recording_id="a"), "another version"),
+        (of(v=1, recording_id="a"), "names no moment"),
+        (of(v=1, t="5", recording_id="a"), "names no moment"),
+        (of(v=1, t=5), "names no moment"),
+    ],
+)
+def test_what_is_no_link_is_refused_in_words(value, said):
+    with pytest.raises(LinkError, match=said):
+        from_link(value, STATE)
+
+
+def test_what_a_link_carries_beyond_reason_is_left_out_and_named():
+    value = of(v=1, t=5, recording_id="a", tone="sepia", site="../etc", is_playing=True, token="x", speed=3)
+    linked, refused = from_link(value, STATE)
+    assert set(refused) == {"tone", "site", "is_playing", "token", "speed"}
+    assert (linked.recording_id, linked.site, linked.is_playing) == ("a", ViewState().site, False)
+
+
+def test_a_link_carries_lanes_but_no_change_of_the_network_nor_leaves_one_that_was_there():
+    changed = replace(STATE, compare=CompareState(lanes=(Lane(), Lane(precision="bf16"))))
+    changed = reduce(changed, Switch("scale 3"), OPEN)
+    assert changed.inside != STATE.inside
+    value = to_link(changed, 5000)
+    linked, refused = from_link(value, changed)
+    assert (linked.inside, linked.compare, refused) == (STATE.inside, changed.compare, ())
+    assert len(value) < LONGEST
+    assert from_link(to_link(STATE, 5000), changed)[0].compare == STATE.compare
+
+
+@given(st.text(max_size=300) | st.binary(max_size=200).map(lambda b: base64.urlsafe_b64encode(b).decode()))
+def test_no_word_of_a_stranger_breaks_a_page(value):
+    with contextlib.suppress(LinkError):
+        from_link(value, STATE)
+
+
+# ---- visits ----
+
+
+def run(story, aspect=1.6, **options):
+    async def visit():
+        with served(**options) as viewer:
+            async with Browser.open(viewer.port, tab=9, aspect=aspect) as browser:
+                await story(viewer, browser)
+
+    asyncio.run(visit())
+
+
+def newest(viewer):
+    return viewer.engine.requests[-1][1] if viewer.engine.requests else FrameRequest("", "", "fp32", ByCount(1), 0)
+
+
+def test_a_linked_moment_is_shown_paused_and_an_unknown_one_is_refused_kindly():
+    async def story(viewer, browser):
+        await browser.until_shown("window 0 of 30")
+        moment = ViewState(recording_id="b", model_id="m", precision="fp32", policy=ByDuration(10_000), query=(3, 4))
+        channel = browser.widget("channel")
+        await browser.use(channel, f"link|{to_link(moment, 70_000)}|1")
+        await browser.until_shown("Reconstruction of window 6")
+        assert viewer.engine.requests[-1][1].recording_id == "b"
+        assert viewer.engine.requests[-1][1].wants_attention
+        await browser.use(channel, f"link|{to_link(replace(moment, policy=ByDuration(5_000)), 70_000)}|2")
+        await browser.until_shown("every 5.0 ms")
+        assert browser.notices == []
+        await browser.use(channel, f"link|{to_link(replace(moment, recording_id='gone'), 5)}|3")
+        await browser.until(lambda: browser.notices != [])
+        assert "not among those that can be opened here" in browser.notices[0]["body"]
+        assert "every 5.0 ms" in browser.html()
+
+    run(story)
+
+
+def test_the_page_carries_the_link_of_the_moment_on_show():
+    async def story(viewer, browser):
+        await browser.until_shown("Reconstruction of window 0")
+        await browser.until(lambda: 'data-etv-moment="ey' in browser.html())
+        value = browser.html().split('data-etv-moment="')[1].split('"')[0]
+        linked, refused = from_link(value, ViewState())
+        assert (linked.recording_id, linked.moment, refused) == ("a", 160_000, ())
+
+    run(story)
+
+
+def test_in_public_the_page_leads_until_it_is_touched_and_again_when_it_is_left(monkeypatch):
+    monkeypatch.setattr(attract, "IDLE", 1.0)
+
+    async def story(viewer, browser):
+        await browser.until_shown('data-testid="pointed"')
+        await browser.until_shown("Touch anything")
+        await browser.use(browser.widget("channel"), "touch|1")
+        await browser.until_shown("It is yours")
+        assert "Touch anything" not in browser.html()
+        await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
+        await browser.until(lambda: newest(viewer).recording_id == "b")
+        await browser.until_shown("Touch anything")
+        await browser.until(lambda: newest(viewer).recording_id == "a")
+
+    run(story, view=public_view)
+
+
+def test_in_public_nobody_changes_the_network_the_windows_or_what_the_next_one_sees():
+    async def story(viewer, browser):
+        await browser.until_shown("Touch anything")
+        labels = {props.get("label") for props in browser.widgets.values()}
+        assert not labels & {"Recording", "Network", "Windows by", "Arithmetic"}
+        channel = browser.widget("channel")
+        other = ViewState(recording_id="b", model_id="m", precision="bf16", policy=ByDuration(1))
+        await browser.use(channel, f"link|{to_link(other, 70_000)}|1")
+        await browser.until(lambda: newest(viewer).recording_id == "b")
+        assert viewer.engine.requests[-1][1].precision == "fp32"
+        assert viewer.engine.requests[-1][1].policy == BetweenFrames()
+        async with Browser.open(viewer.port, tab=9, storage=browser.storage) as next_one:
+            await next_one.until_shown("Touch anything")
+        assert browser.storage == {}
+
+    run(story, view=public_view)
+
+
+def test_a_flood_of_messages_is_let_go_and_the_page_goes_on():
+    async def story(viewer, browser):
+        await browser.until_shown("Touch anything")
+        channel = browser.widget("channel")
+        for number in range(3000):
+            await browser.use(channel, f"pick|pixel|0.{number % 90 + 10}|0.5|{number}")
+        while "Reconstruction of window 3" not in browser.html():  # what comes in the flood's wake is let go with it
+            await browser.use(browser.widget("Window"), 3)
+            await asyncio.sleep(0.3)
+        session = next(iter(viewer.sessions.values()))
+        assert session._mail.qsize() < BURST
+
+    run(story, view=public_view)
+
+
+def test_one_visitor_too_many_is_told_and_gets_no_session():
+    async def story(viewer, browser):
+        await browser.until_shown("Touch anything")
+        async with Browser.open(viewer.port, tab=None) as other:
+            await other.until(lambda: any("Many are looking" in str(props) for props in other.widgets.values()))
+        assert len(viewer.sessions) == 1
+
+    run(story, view=public_view, most_visitors=1)
+
+
+@pytest.mark.parametrize("aspect", [1.6, 0.5])
+def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(monkeypatch, aspect):
+    monkeypatch.setattr(attract, "IDLE", 1e9)
+
+    async def story(viewer, browser):
+        placings = lambda: sum(kind == "SetCameraPositionMessage" for _, kind, _ in browser.arrivals)  # noqa: E731
+        await browser.until_shown("Reconstruction of window")
+        await browser.use(browser.widget("channel"), "touch|1")
+        await browser.until(lambda: 'data-etv-public="none"' in browser.html())
+        await browser.until(lambda: placings() > 0)
+        before = placings()
+        await browser.turn(aspect, (3, 1, -4))
+        await asyncio.sleep(0.5)
+        assert placings() == before, "while he looks, the camera is his"
+        monkeypatch.setattr(attract, "IDLE", 0.5)
+        await browser.until(lambda: 'data-etv-public="events"' in browser.html())
+        await browser.until(lambda: placings() > before)
+
+    run(story, view=public_view, aspect=aspect)
+
+
+def test_on_a_phone_in_public_a_visitor_is_invited_and_chooses_a_recording():
+    async def story(viewer, browser):
+        await browser.until_shown("Touch anything")
+        await browser.use(browser.widget("channel"), "touch|1")
+        await browser.until_shown("It is yours")
+        assert "Look inside the network" not in browser.html()
+        assert 'data-k="open:b"' in browser.html()
+        await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
+        await browser.until(lambda: newest(viewer).recording_id == "b")
+
+    run(story, view=public_view, aspect=0.5)

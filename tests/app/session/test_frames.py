@@ -1,0 +1,95 @@
+"""Replies come late, out of order and for requests that were given up: what is on show is never older or worse."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.engine.requests import Failed, FrameRequest, Ready, Working
+from app.session.channel import AskHelp, Hello, Resized, parse
+from app.session.frames import NewestFrames
+from app.state import intents as ask
+from app.state.view_state import ViewState
+from app.views.attention.state import OpenSite
+from etnet.windows import ByCount
+from tests.app.stand_ins import CONTRACT
+
+REQUEST = FrameRequest("a", "m", "fp32", ByCount(9), 5)
+
+
+def ready(request, is_approximate=False):
+    frame = np.zeros((2, 2), np.float32)
+    return Ready(request, frame, None, 1.0, not is_approximate, is_approximate, False, CONTRACT, 5)
+
+
+def test_a_preview_never_replaces_the_exact_frame_of_its_window():
+    answers = NewestFrames()
+    answers.ask(REQUEST)
+    exact = ready(REQUEST)
+    assert answers.take(exact)
+    assert not answers.take(ready(REQUEST, is_approximate=True))
+    assert answers.ready is exact
+    assert answers.index == 5
+
+
+def test_a_preview_is_shown_but_is_no_finished_picture():
+    answers = NewestFrames()
+    answers.ask(REQUEST)
+    answers.take(ready(REQUEST, is_approximate=True))
+    assert answers.ready is not None
+    assert answers.index is None
+
+
+def test_with_a_pixel_chosen_the_picture_alone_is_not_all_that_is_awaited():
+    answers, state = NewestFrames(), ViewState("a", "m", index=5)
+    answers.ask(REQUEST)
+    assert not answers.shows(state)
+    answers.take(ready(REQUEST))
+    assert answers.shows(state)
+    chosen, asked = replace(state, query=(1, 1)), replace(REQUEST, wants_attention=True)
+    assert not answers.shows(chosen)
+    answers.ask(asked)
+    answers.take(ready(asked, is_approximate=True))
+    assert not answers.shows(chosen)
+    answers.take(ready(asked))  # of a network without attention: there is none to wait for
+    assert answers.shows(chosen)
+    assert not answers.shows(replace(chosen, index=6))
+
+
+def test_work_and_failure_of_a_request_given_up_are_no_news():
+    answers = NewestFrames()
+    answers.ask(REQUEST)
+    answers.ask(replace(REQUEST, index=6))
+    assert not answers.take(Working(REQUEST, 1, 2, "replaying"))
+    assert not answers.take(Failed(REQUEST, "no"))
+    assert answers.take(Failed(replace(REQUEST, index=6), "no"))
+
+
+def test_another_recordings_picture_is_never_shown():
+    answers = NewestFrames()
+    answers.ask(REQUEST)
+    answers.take(ready(REQUEST))
+    answers.ask(replace(REQUEST, recording_id="b"))
+    assert answers.ready is None
+    assert not answers.take(ready(REQUEST))
+
+
+def test_the_same_request_is_asked_once():
+    answers = NewestFrames()
+    assert answers.ask(REQUEST)
+    assert not answers.ask(REQUEST)
+    assert answers.ask(replace(REQUEST, wants_attention=True))
+
+
+def test_what_a_page_says_is_understood():
+    assert parse("pick|pixel|0.25000|0.50000|17") == ask.QueryFraction(0.25, 0.5)
+    assert parse("pick|site:scale1.encoder.0.self|0.1|0.1|18") == OpenSite("scale1.encoder.0.self")
+    assert parse("pick|heads:close|0.1|0.1|18") == ask.Set("attention", "opens_heads", False)
+    assert parse("pick|head:mean|0|0|1") == ask.Set("attention", "head", None)
+    assert parse("pick|head:3|0|0|1") == ask.Set("attention", "head", 3)
+    assert parse("pick|bin:2|0|0|1") == ask.Set("voxels", "voxel_bin", 2)
+    assert parse("pick|bin:|0|0|1") == ask.Set("voxels", "voxel_bin", None)
+    assert parse("key|comma|1") == ask.Move(-1)
+    assert parse("key|question|1") == AskHelp()
+    assert parse("hello|300|1600|900|1") == Hello(44, 1600, 900)
+    assert parse("size|390|844|1") == Resized(390, 844)
+    assert parse("pick|elsewhere|0|0|1") is None

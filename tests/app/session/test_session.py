@@ -1,0 +1,257 @@
+"""A visit over the real server, seen by a browser that is only a websocket: no model, no screen."""
+
+import asyncio
+import json
+import time
+
+import pytest
+
+from tests.app.stand_ins import Browser, served
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    with served() as running:
+        yield running
+
+
+def visit(viewer, story, **options):
+    async def run():
+        async with Browser.open(viewer.port, **options) as browser:
+            await browser.until_shown('data-testid="timeline"')
+            return await story(browser)
+
+    return asyncio.run(run())
+
+
+def test_the_page_opens_on_the_first_recording_with_everything_drawn(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 0")
+        html = browser.html()
+        for name in ("events", "voxels", "camera", "provenance", "timeline", "scene-legend"):
+            assert f'data-testid="{name}"' in html
+        assert "recording a" in str(browser.widgets[browser.widget("Recording")]["options"])
+
+    visit(viewer, story)
+
+
+def test_the_event_view_follows_the_slider_while_the_model_is_busy(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 0")
+        viewer.engine.is_held = True
+        began = time.monotonic()
+        await browser.use(browser.widget("Window"), 25)
+        await browser.until_shown("window 25 of 30")
+        assert time.monotonic() - began < 5
+        await browser.until_shown("showing 0, computing 25 (14 of 19)")
+
+    try:
+        visit(viewer, story, tab=21)
+    finally:
+        viewer.engine.is_held = False
+
+
+def test_a_frame_at_hand_is_drawn_at_once_with_its_events(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 0")
+        viewer.engine.has_frames_at_hand = True
+        await browser.use(browser.widget("Window"), 22)
+        await browser.until_shown("Reconstruction of window 22")
+        assert "showing 0" not in str([message for _, _, message in browser.arrivals])
+
+    try:
+        visit(viewer, story, tab=22)
+    finally:
+        viewer.engine.has_frames_at_hand = False
+
+
+def test_a_value_beyond_the_recording_is_brought_inside(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("Window"), 99_999)
+        await browser.until_shown("window 29 of 30")
+        await browser.use(browser.widget("Window"), -5)
+        await browser.until_shown("window 0 of 30")
+
+    visit(viewer, story, tab=22)
+
+
+def test_messages_that_make_no_sense_change_nothing(viewer):
+    async def story(browser):
+        for text in ("", "pick", "pick|pixel|x|y|1", "pick|pixel|nan|inf|1", "pick|head:many|0|0|1", "hello|a|b|c|1",
+                     "size|-1|x|1", "|" * 500, "pick|bin:|0|0|9|9"):  # fmt: skip
+            await browser.use(browser.widget("channel"), text)
+        for value in ("no such speed", 7, None, [1, 2], {"a": 1}):
+            await browser.use(browser.widget("Speed"), value)
+        await browser.use(browser.widget("Window"), 3)
+        await browser.until_shown("window 3 of 30")
+
+    visit(viewer, story, tab=23)
+
+
+def test_a_click_on_a_picture_asks_for_that_pixel(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("channel"), "pick|pixel|0.99999|0.5|4")
+        await browser.until(lambda: tuple(browser.widgets[browser.widget("Pixel x, y")]["value"]) == (39.0, 15.0))
+        assert viewer.engine.requests[-1][1].wants_attention
+
+    visit(viewer, story, tab=24)
+
+
+def test_two_visitors_scrub_alone(viewer):
+    async def run():
+        async with Browser.open(viewer.port, tab=31) as one, Browser.open(viewer.port, tab=32) as two:
+            for browser in (one, two):
+                await browser.until_shown("Reconstruction of window 0")
+            await one.use(one.widget("Window"), 5)
+            await two.use(two.widget("Window"), 9)
+            await one.until_shown("Reconstruction of window 5")
+            await two.until_shown("Reconstruction of window 9")
+            assert "window 9 of 30" not in one.html()
+            assert "window 5 of 30" not in two.html()
+
+    asyncio.run(run())
+
+
+def test_a_view_comes_back_with_its_tab_and_only_with_it(viewer):
+    storage = {}
+
+    async def leave(browser):
+        await browser.use(browser.widget("Window"), 17)
+        await browser.until_shown("window 17 of 30")
+        await browser.until(lambda: any('"index": 17' in kept for kept in browser.storage.values()))
+
+    async def come_back(browser):
+        await browser.until_shown("window 17 of 30")
+
+    async def come_anew(browser):
+        await browser.until_shown("window 0 of 30")
+
+    visit(viewer, leave, tab=41, storage=storage)
+    visit(viewer, come_back, tab=41, storage=storage)
+    visit(viewer, come_anew, tab=42, storage=storage)
+
+
+def test_a_kept_view_that_makes_no_sense_is_left_out_and_said(viewer):
+    kept = json.dumps({"recording_id": "gone", "index": 4, "tone": "sepia"})
+
+    async def story(browser):
+        await browser.until(lambda: browser.notices != [])
+        assert "tone" in browser.notices[0]["body"]
+        assert "the recording" in browser.notices[0]["body"]
+
+    visit(viewer, story, tab=43, storage={"view:a:43": kept})
+
+
+def test_what_cannot_be_opened_is_told_and_the_page_goes_on(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("Recording"), "recording broken")
+        await browser.until(lambda: browser.notices != [])
+        assert browser.notices[0]["body"] == "broken.h5: the file ends at byte 12; copy it again"
+        await browser.until_shown("the file ends at byte 12")
+        await browser.use(browser.widget("Recording"), "recording b")
+        await browser.until_shown("Reconstruction of window 10")
+
+    visit(viewer, story, tab=44)
+
+
+def test_a_failed_request_is_an_alert_in_the_picture(viewer):
+    async def story(browser):
+        viewer.engine.failure = "out of memory; start the viewer with a smaller --budget"
+        await browser.use(browser.widget("Window"), 2)
+        await browser.until_shown("out of memory")
+        viewer.engine.failure = ""
+        await browser.use(browser.widget("Window"), 3)
+        await browser.until_shown("Reconstruction of window 3")
+
+    visit(viewer, story, tab=45)
+
+
+def test_other_windows_are_planned_live_and_the_moment_stays(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("Windows by"), "milliseconds")
+        await browser.until_shown("every 20 ms")
+        await browser.until_shown("window 7 of 15")
+        await browser.use(browser.widget("Each holds"), 5.0)
+        await browser.until_shown("every 5.0 ms")
+
+    visit(viewer, story, tab=46)
+
+
+def test_playing_waits_for_each_image_when_told_to_and_stops_at_a_touch(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("Speed"), "every image")
+        await browser.use(browser.widget("Play"), True)
+        await browser.until_shown("Reconstruction of window 18")
+        shown = [request.index for _, request in viewer.engine.requests if request.recording_id == "a"]
+        assert shown[-3:] == list(range(shown[-3], shown[-3] + 3))
+        await browser.use(browser.widget("Window"), 1)
+        await browser.until_shown("window 1 of 30")
+        await asyncio.sleep(0.5)
+        assert "window 1 of 30" in browser.html()
+
+    visit(viewer, story, tab=47)
+
+
+def test_whoever_leaves_is_forgotten(viewer):
+    before = len(viewer.engine.dropped)
+
+    async def story(browser):
+        return None
+
+    visit(viewer, story, tab=48)
+    ends = time.monotonic() + 10
+    while len(viewer.engine.dropped) == before:
+        assert time.monotonic() < ends
+        time.sleep(0.05)
+
+
+def test_help_opens_at_the_question_mark(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("channel"), "key|question|5")
+        await browser.until_shown('data-testid="help"')
+        assert browser.notices == []
+
+    visit(viewer, story, tab=49)
+
+
+def test_a_slow_page_still_gets_its_view_back(viewer):
+    kept = json.dumps({"recording_id": "a", "model_id": "m", "index": 8, "policy": {"kind": "BetweenFrames"}})
+
+    async def story(browser):
+        await browser.until_shown("window 0 of 30")
+        await browser.use(browser.widget("channel"), "hello|50|1600|900|9")
+        await browser.until_shown("window 8 of 30")
+
+    visit(viewer, story, tab=None, storage={"view:a:50": kept})
+
+
+def test_a_change_goes_into_the_request_and_out_of_it_again(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 0")
+        channel = browser.widget("channel")
+        await browser.use(browser.widget("Look at"), "Change something")
+        await browser.use(channel, "pick|inside:switch:tpa|0.5|0.5|1")
+        await browser.use(channel, "pick|inside:edit:drop:0.5|0.5|0.5|2")
+        await browser.until(lambda: viewer.engine.requests[-1][1].edit.drop == 0.5)
+        assert viewer.engine.requests[-1][1].intervention.without_context
+        await browser.until(lambda: any(asked[1] == "inspect.outcome" and asked[2] for asked in viewer.engine.jobs))
+        await browser.use(channel, "pick|inside:back|0.5|0.5|3")
+        await browser.until(lambda: viewer.engine.requests[-1][1].is_original)
+        await browser.until(lambda: viewer.engine.jobs[-1][1:] == ("inspect.outcome", None))
+
+    visit(viewer, story, tab=51)
+
+
+def test_closing_every_inspector_takes_its_questions_back(viewer):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 0")
+        viewer.engine.jobs.clear()
+        await browser.use(browser.widget("Look at"), "What matters here")
+        await browser.until(
+            lambda: {asked[1] for asked in viewer.engine.jobs} == {"inspect.anatomy", "inspect.matters"}
+        )
+        await browser.use(browser.widget("Look at"), "none")
+        await browser.until(lambda: [asked[2] for asked in viewer.engine.jobs[2:]] == [None, None])
+        await browser.until_shown("While nothing is open here, nothing is computed for it.")
+
+    visit(viewer, story, tab=52)

@@ -1,0 +1,280 @@
+"""What is taken away through the page: the same files as the command line's, made without holding anybody up."""
+
+import asyncio
+import json
+import re
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from app.engine.downloads import Download
+from app.engine.jobs import JobResult
+from app.engine.requests import FrameRequest
+from app.state.view_state import Limits, ViewState
+from app.views.demo.state import DropExport, StartExport
+from app.views.export.jobs import SLOT, Taking, export_jobs
+from app.views.export.state import ExportState
+from app.views.inspect.state import Change
+from etnet.errors import Cancelled, EtnetError
+from etnet.events.edit import EventEdit
+from etnet.events.recording import Growth
+from etnet.export import session_file
+from etnet.export.arrays import ArraysChoice, write_arrays
+from etnet.export.page import PageConfig, write_page
+from etnet.export.pictures import Look
+from etnet.export.session_file import record_session, write_session
+from etnet.export.table import write_table
+from etnet.export.take import Take
+from etnet.export.video import write_gif, write_video
+from etnet.nets.intervention import Intervention
+from etnet.nets.runtime import contract_of
+from etnet.windows import BetweenFrames
+from tests.app.stand_ins import Browser, served
+from tests.export.recordings_made_up import NUM_WINDOWS, made_up_take
+
+from tests.app.reducing import reduce
+
+STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=3, query=(9, 7))
+
+
+def loaded():
+    playback = made_up_take().playback
+    return SimpleNamespace(playback=playback, windows=playback.windows, contract=contract_of(playback.model))
+
+
+def ordered(**wanted):
+    state = reduce(STATE, StartExport(**wanted), Limits())
+    return Taking(state.of(ExportState).order)
+
+
+def made(job, at=None, cancelled=lambda: False):
+    answers = list(job.run(at or loaded(), cancelled))
+    assert [share for _, share in answers] == sorted(share for _, share in answers)
+    assert all(value is None for value, _ in answers[:-1])
+    return answers[-1][0]
+
+
+BY_HAND = {
+    "mp4": lambda take, path: write_video(take, path, Look(("events", "reconstruction"), has_stamps=True), 0.5),
+    "gif": lambda take, path: write_gif(take, path, Look(("events", "reconstruction"), has_stamps=True), 0.5),
+    "h5": lambda take, path: write_arrays(
+        take, path, ArraysChoice(("frames", "voxels", "attention"), ((9, 7),))
+    ),
+    "csv": write_table,
+    "page": lambda take, path: write_page(take, BetweenFrames(), path, PageConfig("made up")),
+    "session": lambda take, path: write_session(record_session(take, BetweenFrames()), path),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("format", BY_HAND)
+def test_a_file_is_the_command_lines_to_the_byte(format, tmp_path):
+    wanted = {"panels": ("events", "reconstruction"), "speed": 0.5, "has_stamps": True, "first": 1, "last": 3}
+    taken = made(ordered(format=format, **wanted))
+    path = tmp_path / taken.name
+    BY_HAND[format](Take(made_up_take().playback, 1, 4), path)
+    assert taken.content == path.read_bytes()
+
+
+def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):
+    taken = made(ordered(format="npz"))
+    path = tmp_path / taken.name
+    path.write_bytes(taken.content)
+    with np.load(path) as arrays:
+        assert not any(name.startswith("state/") for name in arrays)
+        expected = np.stack([moment.frame for moment in made_up_take().moments()])
+        assert np.array_equal(arrays["frames"], expected)
+        assert len(arrays["window"]) == NUM_WINDOWS
+        assert any(name.startswith("attention/") for name in arrays)
+
+
+def test_arrays_hold_states_and_camera_frames_as_the_commands_do(tmp_path):
+    names = ("frames", "camera", "states")
+    taken = made(ordered(format="h5", arrays=names))
+    path = tmp_path / taken.name
+    write_arrays(made_up_take(), path, ArraysChoice(names, ((9, 7),)))
+    assert taken.content == path.read_bytes()
+
+
+def test_a_picture_is_of_the_window_that_was_on_show():
+    a = made(ordered(format="png", first=0, last=0))
+    assert a.content.startswith(b"\x89PNG")
+    other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), StartExport("png"), Limits()).show.order)
+    assert made(other).content != a.content
+
+
+def sheet(name, **view):
+    state = ViewState(**{**_fields(STATE), **view})
+    content = made(Taking(reduce(state, StartExport("png", sheet=name), Limits()).show.order)).content
+    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_the_whole_layout_holds_the_bins_and_the_maps_and_each_is_to_be_had_alone():
+    heights = {name: sheet(name).shape[0] for name in ("layout", "voxels", "attention")}
+    assert heights["layout"] > heights["attention"] > heights["voxels"]
+    assert {sheet(name).shape[1] for name in heights} == {1680}
+    assert sheet("layout", query=None).shape[0] < heights["layout"]
+
+
+def test_maps_are_those_of_the_head_on_show():
+    assert not np.array_equal(sheet("attention"), sheet("attention", head=0))
+    assert np.array_equal(sheet("voxels"), sheet("voxels", head=0))
+
+
+def test_maps_without_a_pixel_are_refused_with_what_to_do():
+    with pytest.raises(EtnetError, match="choose a pixel"):
+        sheet("attention", query=None)
+
+
+def _fields(state):
+    return {name: getattr(state, name) for name in state.__dataclass_fields__}
+
+
+def test_a_step_that_had_to_give_way_is_made_after_it_and_nothing_differs():
+    turns = iter(range(10**6))
+    plain, interrupted = ordered(format="csv"), ordered(format="csv")
+    assert made(interrupted, cancelled=lambda: next(turns) % 3 == 0).content == made(plain).content
+
+
+REMOVED = Intervention(removed_scales=frozenset({1}))
+HELD = [
+    (Change(REMOVED), session_file.Change(0, REMOVED)),
+    (Change(REMOVED, since=2), session_file.Change(2, REMOVED)),
+    (Change(Intervention(zeroed_levels=frozenset({2})), since=1),
+     session_file.Change(1, Intervention(zeroed_levels=frozenset({2})))),
+    (Change(Intervention(zeroed_levels=frozenset({2}))), None),
+    (Change(REMOVED, EventEdit(drop=0.5), since=1), None),
+    (Change(REMOVED, since=4), None),
+    (Change(since=1), None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "held"), HELD)
+def test_a_session_holds_what_is_changed_if_a_run_can(change, held, tmp_path):
+    state = replace(STATE, inside=replace(STATE.inside, change=change))
+    order = reduce(state, StartExport("session", 1, 3), Limits()).show.order
+    taken = made(Taking(order))
+    path = tmp_path / taken.name
+    write_session(record_session(Take(made_up_take().playback, 1, 4), BetweenFrames(), held), path)
+    assert taken.content == path.read_bytes()
+
+
+@pytest.mark.parametrize("changed", [{"path": Path("film-1.h5")}, {"growth": Growth(0.5)}])
+def test_no_session_is_made_of_what_nobody_can_open_again(changed):
+    job, at = ordered(format="session"), loaded()
+    at.playback.recording = replace(at.playback.recording, **changed)
+    with pytest.raises(EtnetError, match=r"simulated video is gone with its page|a part of it is indexed"):
+        made(job, at)
+
+
+def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    answers = ordered(format="mp4").run(loaded(), lambda: False)
+    next(answers)
+    next(answers)
+    assert list(tmp_path.iterdir())
+    answers.close()
+    assert not list(tmp_path.iterdir())
+    assert not [thread for thread in threading.enumerate() if thread.name == "taking away"]
+
+
+def test_what_is_too_large_for_a_page_is_said_with_a_way_out(monkeypatch):
+    monkeypatch.setattr("app.views.export.jobs.LARGEST", 1000)
+    with pytest.raises(EtnetError, match=r"etnet export"):
+        made(ordered(format="h5"))
+
+
+def test_what_a_recording_does_not_have_is_said():
+    job, at = ordered(format="png", panels=("camera",)), loaded()
+    object.__setattr__(at.playback.recording, "ground_truth", None)
+    with pytest.raises(EtnetError, match="no camera frames"):
+        made(job, at)
+
+
+def test_an_order_stands_whatever_is_looked_at_afterwards_and_only_one_at_a_time():
+    request = FrameRequest("a", "m", "fp32", BetweenFrames(), 3)
+    assert export_jobs(STATE, request) == {}
+    first = reduce(STATE, StartExport("mp4"), Limits())
+    job = export_jobs(first, request)[SLOT]
+    moved = ViewState(**{**_fields(first), "index": 1, "recording_id": "b"})
+    assert export_jobs(moved, request)[SLOT] == job
+    assert reduce(first, DropExport(), Limits()).show.order is None
+
+
+def visit(story):
+    async def run():
+        with served() as viewer:
+            async with Browser.open(viewer.port, tab=3) as browser:
+                await browser.until_shown("Reconstruction of window 0")
+                await story(viewer, browser)
+
+    asyncio.run(run())
+
+
+def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
+    async def story(viewer, browser):
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
+        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
+        await browser.use(browser.widget("Make it"), True)
+        await browser.until(lambda: asked() and asked()[-1] is not None)
+        assert asked()[-1].order.wanted.format == "csv"
+        await browser.until_shown("being made, 0%")
+        await browser.use(browser.widget("Cancel"), True)
+        await browser.until(lambda: asked()[-1] is None)
+        await browser.use(browser.widget("Make it"), True)
+        await browser.until(lambda: asked()[-1] is not None)
+        job = asked()[-1]
+        session = next(iter(viewer.sessions.values()))
+        viewer.engine.tell(SLOT, JobResult(job, Download("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
+        await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
+        part = next(message for _, kind, message in browser.arrivals if kind == "FileTransferPart")
+        assert part["content"] == b"1,2\n" * 40
+        await browser.until(lambda: session._state.of(ExportState).order is None)
+
+    visit(story)
+
+
+def test_the_form_follows_its_own_choices_while_the_page_rests():
+    words = lambda browser: re.sub(r"<[^>]+>", "", browser.html())  # noqa: E731
+
+    async def story(viewer, browser):
+        is_shown = lambda label: browser.widgets[browser.widget(label)]["visible"]  # noqa: E731
+        await asyncio.sleep(1.0)  # the page has come to rest: nothing but the form makes it draw
+        await browser.use(browser.widget("A range only"), True)
+        await browser.until(lambda: is_shown("From window") and is_shown("To window"), patience=2.0)
+        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
+        await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
+        await browser.until(lambda: "etnet export csv" in words(browser), patience=2.0)
+        assert not is_shown("States (large)")
+        await browser.use(browser.widget("Make"), "Picture of this window (PNG)")
+        await browser.until(lambda: is_shown("Picture") and is_shown("Stamps below"), patience=2.0)
+        await browser.use(browser.widget("Picture"), "the whole layout")
+        await browser.until(lambda: not is_shown("Stamps below"), patience=2.0)
+        await browser.use(browser.widget("Make"), "Arrays (NPZ)")
+        await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"), patience=2.0)
+        await browser.use(browser.widget("States (large)"), True)
+        await browser.until(lambda: "--what frames voxels states" in words(browser), patience=2.0)
+
+    visit(story)
+
+
+def test_a_kept_view_holds_no_order():
+    from app.state.stored import to_text
+
+    assert "order" not in json.dumps(json.loads(to_text(reduce(STATE, StartExport("mp4"), Limits()))))
+
+
+def test_a_writer_that_fails_says_so_and_ends(monkeypatch):
+    def broken(*_, **__):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("etnet.export.table.write_table", broken)
+    began = time.monotonic()
+    with pytest.raises((OSError, Cancelled), match="no space"):
+        made(ordered(format="csv"))
+    assert time.monotonic() - began < 5

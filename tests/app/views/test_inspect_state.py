@@ -1,0 +1,172 @@
+"""What a visitor asks of the inside, and what the engine makes of a change."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from app.session.questions import questions
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.engine.engine import Engine
+from app.session.channel import parse
+from app.state import intents as ask
+from app.state.view_state import Limits, ViewState
+from app.views.inspect import state as inside_view
+from app.views.inspect.state import (
+    NO_CHANGE,
+    Change,
+    Choose,
+    EditEvents,
+    InspectState,
+    OpenInspector,
+    Persist,
+    PinMap,
+    PinnedMap,
+    ResetAll,
+    Switch,
+    is_switched,
+    reduce_inspect,
+    switched,
+)
+from etnet.events.edit import EventEdit
+from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.presets import build_model
+from etnet.playback.playback import Playback
+from etnet.windows import plan_windows
+from tests.inspection.small import small_playback
+
+from tests.app.fakes import Inbox, Shelf
+from tests.app.small_loaded import NONSENSE, PARTS, POLICY, QUERY, SITE, loaded_of, request_of
+from tests.app.reducing import reduce
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_that_is_switched_twice_is_as_it_was(part):
+    once = switched(ORIGINAL, part)
+    assert once != ORIGINAL
+    assert is_switched(once, part)
+    assert not is_switched(ORIGINAL, part)
+    assert switched(once, part) == ORIGINAL
+
+
+@pytest.mark.parametrize("part", NONSENSE)
+def test_a_part_that_does_not_exist_changes_nothing(part):
+    assert switched(ORIGINAL, part) == ORIGINAL
+    assert not is_switched(ORIGINAL, part)
+
+
+ASKED = st.one_of(
+    st.builds(OpenInspector, st.sampled_from(["none", "matters", "change", "evil"])),
+    st.builds(Switch, st.sampled_from([*PARTS, *NONSENSE])),
+    st.builds(EditEvents, st.sampled_from(["drop", "invert", "jitter", "jitter_by", "seed"]), st.floats()),
+    st.builds(Persist, st.booleans()),
+    st.builds(ResetAll),
+    st.builds(Choose, st.sampled_from(["level", "channel", "gather", "change", "is_linear", "plane"]), st.text()),
+    st.builds(PinMap, st.sampled_from(["a", "b"]), st.just(PinnedMap(SITE, 1, "mean", QUERY))),
+)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(ASKED, max_size=20), st.integers(0, 7))
+def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_all(asked, index):
+    state = ViewState(index=index)
+    for intent in asked:
+        state = reduce(state, intent, Limits())
+        assert 1 <= state.of(InspectState).level <= 3
+        assert 0 <= state.of(InspectState).change.edit.drop <= 1
+    assert reduce(state, ResetAll(), Limits()).inside.change == NO_CHANGE
+    for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
+        assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(ASKED, max_size=20))
+def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(asked):
+    view = InspectState()
+    for intent in asked:
+        view = reduce_inspect(view, intent, 3)
+    assert inside_view.restored(inside_view.kept(view)) == view.anew()
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.text(max_size=60)
+    | st.builds("{}:{}".format, st.sampled_from(["pin:a", "edit:drop", "set", "switch"]), st.text())
+)
+def test_a_strange_message_is_understood_or_left_alone_and_never_an_error(text):
+    heard = parse(f"pick|inside:{text}|0.5|0.5|1")
+    assert heard is None or isinstance(heard, inside_view.InspectIntent)
+
+
+def test_a_pin_comes_back_from_its_button_as_it_was():
+    for pinned in (PinnedMap(SITE, 3, "mean", (7, 9)), PinnedMap(SITE, None, "max", (0, 0))):
+        assert inside_view.heard(f"pin:a:{inside_view.pin_text(pinned)}") == PinMap("a", pinned)
+
+
+def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no_beginning():
+    carried = Change(Intervention(zeroed_levels=frozenset({1})), since=4)
+    assert carried.at(3) == NO_CHANGE
+    assert carried.at(4) == carried.at(7) == carried
+    decoding = Change(Intervention(without_context=True), since=4)
+    assert decoding.at(9) == replace(decoding, since=None)
+    assert Change(edit=EventEdit(jitter_by=99), since=2).at(9) == NO_CHANGE
+
+
+def test_nothing_is_asked_of_the_model_while_every_inspector_is_closed():
+    state = ViewState(query=QUERY).put(InspectState(change=Change(Intervention(without_context=True))))
+    assert not any(slot.startswith("inside") for slot in questions(state, request_of(3)))
+    opened = replace(state, inside=replace(state.of(InspectState), opened="matters"))
+    assert set(questions(opened, request_of(3))) == {"inspect.anatomy", "inspect.matters", "inspect.attended"}
+
+
+# ---- what the engine makes of a change ----
+
+
+@pytest.fixture
+def engine():
+    shelf = Shelf({"r": small_playback().recording}, build_model("tiny"))
+    running = Engine(shelf, 64 << 20, threads=1, load=shelf.load, prefetches=False)
+    yield running
+    running.stop()
+
+
+def frame_of(engine, request):
+    inbox = Inbox()
+    engine.request("ada", request, inbox)
+    return inbox.ready(request.index)
+
+
+CARRIED = [
+    {"intervention": Intervention(zeroed_levels=frozenset({1, 3}))},
+    {"intervention": Intervention(frozen_levels=frozenset({2}))},
+    {"edit": EventEdit(drop=0.5, invert=0.2, seed=3)},
+]
+
+
+@pytest.mark.parametrize("change", CARRIED, ids=["emptied", "frozen", "edited"])
+@pytest.mark.parametrize("since", [None, 3])
+def test_a_changed_frame_is_the_one_of_a_playback_that_branches_there_and_the_original_comes_back(
+    engine, change, since
+):
+    before = frame_of(engine, request_of(5))
+    changed = frame_of(engine, request_of(5, since=since, **change))
+    after = frame_of(engine, request_of(5))
+    alone = Playback(build_model("tiny"), small_playback().recording, plan_windows(small_playback().recording, POLICY))
+    branch = alone.branch(5 if since is None else since, **change)
+    assert np.array_equal(changed.frame, branch.at(5).frame[0, 0].numpy())
+    assert not np.array_equal(changed.frame, before.frame)
+    assert not changed.is_exact
+    assert np.array_equal(before.frame, after.frame)
+    assert before.is_exact
+    assert after.is_exact
+
+
+def test_a_branch_takes_its_bytes_from_its_playbacks_share():
+    loaded = loaded_of()
+    loaded.budget_bytes = 1 << 20
+    branch, _ = loaded.playing(request_of(5, edit=EventEdit(drop=0.5)))
+    assert loaded.playback.budget_bytes + branch.budget_bytes == loaded.budget_bytes == 1 << 20
+    assert loaded.playing(request_of(5, edit=EventEdit(drop=0.5)))[0] is branch
+    loaded.playing(request_of(5, edit=EventEdit(drop=0.6)))
+    assert loaded.budget_bytes == 1 << 20

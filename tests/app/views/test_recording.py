@@ -1,0 +1,183 @@
+"""What the tab of the recording tells and hands out: the doctor's page, asked for only while it is open."""
+
+import asyncio
+import re
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from app.catalogue.recordings import Entry
+from app.engine.jobs import JobResult, num_bytes
+from app.engine.requests import FrameRequest
+from app.html.moment import Moment
+from app.session.channel import parse
+from app.session.demo import FORBIDDEN
+from app.state.stored import to_text
+from app.state.view_state import Limits, ViewState
+from app.views.recording.html.examination import doctor_html
+from app.views.recording.jobs.examination import SLOT, ExaminationJob, examination_jobs
+from app.views.recording.panel import GONE
+from app.views.recording.state import Examine
+from etnet.events.events import Events
+from etnet.events.examine import examine, look_through
+from etnet.events.recording import Remark, recording_of_events
+from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
+
+from tests.app.reducing import from_text, reduce
+
+STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=7)
+REQUEST = FrameRequest("a", "m", "fp32", BetweenFrames(), 7)
+
+
+@pytest.fixture
+def moment():
+    opened = recording()
+    return Moment("a", BetweenFrames(), 7, opened, plan_windows(opened, BetweenFrames()))
+
+
+def press(text):
+    return f"pick|{text}|0.5|0.5|{time.monotonic_ns()}"
+
+
+def examined(opened):
+    return JobResult(ExaminationJob("a", REQUEST), examine(opened), 1.0, is_whole=True)
+
+
+def told(html, what):
+    return re.search(rf"<dt>{what}</dt><dd>(.*?)</dd>", html)[1]
+
+
+def test_the_doctor_is_asked_only_while_his_page_is_open():
+    assert examination_jobs(STATE, REQUEST) == {}
+    opened = reduce(STATE, parse(press("source:examine:on")), Limits())
+    assert list(examination_jobs(opened, REQUEST)) == [SLOT]
+    assert examination_jobs(reduce(opened, parse(press("source:examine:off")), Limits()), REQUEST) == {}
+
+
+def test_the_answer_is_one_for_every_network_and_every_cut():
+    opened = reduce(STATE, Examine(True), Limits())
+    other = FrameRequest("a", "n", "bf16", ByCount(100), 12, wants_attention=True)
+    assert examination_jobs(opened, REQUEST) == examination_jobs(opened, other)
+    assert ExaminationJob("a", REQUEST) != ExaminationJob("b", REQUEST)
+
+
+def test_the_job_finds_what_the_command_line_finds():
+    opened = recording()
+    answers = list(ExaminationJob("a", REQUEST).run(SimpleNamespace(playback=SimpleNamespace(recording=opened)), bool))
+    assert answers[-1] == (examine(opened), 1.0)
+    assert np.array_equal(answers[-1][0].count_image, examine(opened).count_image)
+    assert num_bytes(answers[-1][0]) >= 8 * SENSOR.num_pixels
+
+
+def test_a_browser_does_not_keep_the_page_open_and_the_public_may_not_open_it():
+    opened = reduce(STATE, Examine(True), Limits())
+    assert not from_text(to_text(opened), STATE)[0].source.examines
+    assert isinstance(Examine(True), FORBIDDEN)
+
+
+def test_other_words_of_a_page_change_nothing():
+    for text in ("source:", "source:examine", "source:examine:maybe", "source:nonsense:on"):
+        assert parse(press(text)) is None
+
+
+def test_the_page_says_the_numbers_that_were_found(moment):
+    html = doctor_html(moment, examined(moment.recording))
+    exam = examine(moment.recording)
+    assert told(html, "Sensor") == "40 × 30 pixels"
+    assert told(html, "Events").startswith("6,000; ")
+    on = exam.num_on / 6000
+    assert told(html, "Polarity") == f"{100 * on:.1f} % ON, {100 * (1 - on):.1f} % OFF"
+    assert told(html, "Equal stamps").startswith(f"{exam.num_equal_stamps:,}; ")
+    assert told(html, "Camera frames").startswith("31 of 40 × 30, 100.0 a second; the first ")
+    assert told(html, "Window to try").startswith("420 events")
+    assert html.count("<rect") == sum(rate > 0 for rate in exam.rates) + sum(step > 0 for step in exam.step_counts)
+    assert "data:image/png" in html
+
+
+def test_what_was_repaired_is_under_its_name_and_nothing_of_a_file_becomes_markup():
+    opened = recording_of_events(recording().read(0, 50), "<b>evil</b>")
+    object.__setattr__(opened, "remarks", (Remark("repaired", "7 stamps <i>"), Remark("assumed", "a clock in µs")))
+    found = Moment("evil", ByCount(10), 0, opened, plan_windows(opened, ByCount(10)))
+    html = doctor_html(found, examined(opened))
+    assert "<h3>Repaired</h3><ul><li>7 stamps &lt;i&gt;</li></ul>" in html
+    assert "<h3>Assumed</h3><ul><li>a clock in µs</li></ul>" in html
+    assert "<b>evil" not in html
+    assert told(html, "Camera frames") == "none"
+
+
+def test_a_hot_pixel_is_named_and_a_click_goes_there():
+    opened = recording()
+    events = opened.read(0, opened.num_events)
+    x, y = events.x.copy(), events.y.copy()
+    x[::4], y[::4] = 7, 5
+    hot = recording_of_events(Events(x, y, events.t, events.p, events.sensor), "hot")
+    found = Moment("hot", ByCount(100), 0, hot, plan_windows(hot, ByCount(100)))
+    html = doctor_html(found, examined(hot))
+    assert 'data-k="at:7,5"' in html
+    assert "1 hot pixel makes" in html
+
+
+def test_an_empty_recording_is_told_of_without_a_picture_of_nothing(moment):
+    empty = recording_of_events(moment.recording.read(0, 0), "empty")
+    html = doctor_html(Moment("empty", ByCount(10), 0, empty, ()), examined(empty))
+    assert "there are no events to look at" in html
+    assert "<rect" not in html
+
+
+def visit(story, tab):
+    async def run():
+        with served() as viewer:
+            async with Browser.open(viewer.port, tab=tab) as browser:
+                await browser.until_shown("Reconstruction of window 0")
+                await story(viewer, browser)
+
+    asyncio.run(run())
+
+
+def test_a_visitor_opens_the_page_waits_and_closes_it():
+    async def story(viewer, browser):
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
+        assert not asked()
+        await browser.use(browser.widget("channel"), press("source:examine:on"))
+        await browser.until_shown("looking it through, 0%")
+        await browser.until(asked)
+        job = asked()[-1]
+        viewer.engine.tell(SLOT, JobResult(job, None, 0.4))
+        await browser.until_shown("looking it through, 40%")
+        found = list(look_through(viewer.shelf.recordings["a"]))[-1][0]
+        viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
+        await browser.until_shown("<dt>Polarity</dt>")
+        assert "6,000" in told(browser.html(), "Events")
+        await browser.use(browser.widget("channel"), press("source:examine:off"))
+        await browser.until(lambda: asked()[-1] is None)
+        await browser.until_shown("Examine this recording")
+
+    visit(story, 71)
+
+
+def test_a_recording_that_was_just_made_appears_without_a_reload_and_one_that_is_written_is_named(monkeypatch):
+    names, growing = ["a", "b"], [()]
+    monkeypatch.setattr(
+        Shelf, "entries", lambda self: tuple(Entry(i, f"take {i}", "data", "", Path(f"{i}.h5")) for i in names)
+    )
+    monkeypatch.setattr(Shelf, "growing", lambda self: growing[0])
+
+    async def story(viewer, browser):
+        choice = browser.widgets[browser.widget("Recording")]
+        await browser.until(lambda: list(choice["options"]) == ["take a", "take b"])
+        growing[0] = ("<new>.raw",)
+        await browser.until_shown("once it rests: &lt;new&gt;.raw")
+        growing[0] = ()
+        names.append("c")
+        await browser.until(lambda: "take c" in choice["options"])
+        assert "once it rests" not in browser.html()
+        names.remove("a")
+        await browser.until(lambda: "take a" not in choice["options"])
+        assert choice["value"] == GONE
+        assert "Reconstruction of window 0" in browser.html()
+
+    visit(story, 72)

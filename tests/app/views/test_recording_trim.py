@@ -1,0 +1,199 @@
+"""A stretch marked in the page becomes a recording of its own, with its frames, and nobody waits for it."""
+
+import asyncio
+import tempfile
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from app.session.questions import given_up
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.engine.jobs import JobResult
+from app.engine.requests import FrameRequest
+from app.html.moment import Moment
+from app.session.channel import parse
+from app.session.demo import FORBIDDEN
+from app.state import intents as ask
+from app.state.stored import to_text
+from app.state.view_state import Limits, ViewState
+from app.views.export.jobs import Made
+from app.views.recording.html.cut import excerpt_html
+from app.views.recording.jobs.cut import SLOT, Cutting, trim_jobs
+from app.views.recording.state import DropTrim, MarkTrim, RecordingState, Trim
+from etnet.errors import EtnetError
+from etnet.events.open import open_recording
+from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.stand_ins import SENSOR, Browser, recording, served
+from tests.events.containers import assert_same_events
+from tests.real_data import real_file
+
+from tests.app.reducing import from_text, reduce
+
+STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames())
+
+
+def press(text):
+    return f"pick|{text}|0.5|0.5|{time.monotonic_ns()}"
+
+
+def marked(opened, policy, first=None, last=None, order=(0, 1)):
+    """The view after marking windows `first` and `last`, in this order, and asking for the file."""
+    windows = plan_windows(opened, policy)
+    limits = Limits(opened.sensor, windows, opened.span.start)
+    state = replace(STATE, policy=policy)
+    for mark in order:
+        index, end = ((first, "from"), (last, "to"))[mark]
+        if index is not None:
+            state = reduce(reduce(state, ask.Seek(index), limits), MarkTrim(end), limits)
+    return reduce(state, Trim(), limits), windows
+
+
+def loaded_of(opened):
+    return SimpleNamespace(playback=SimpleNamespace(recording=opened))
+
+
+def cut(state, opened, folder):
+    answers = list(Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool))
+    assert all(value is None for value, _ in answers[:-1])
+    assert [share for _, share in answers] == sorted(share for _, share in answers)
+    path = folder / answers[-1][0].name
+    path.write_bytes(answers[-1][0].content)
+    return open_recording(path)
+
+
+def test_windows_between_frames_come_back_as_they_were_with_their_frames(tmp_path):
+    opened = recording()
+    state, windows = marked(opened, BetweenFrames(), 3, 7)
+    with cut(state, opened, tmp_path) as part:
+        again = plan_windows(part, BetweenFrames())
+        assert [(w.t_start, w.t_stop) for w in again] == [(w.t_start, w.t_stop) for w in windows[3:8]]
+        for mine, theirs in zip(again, windows[3:8], strict=True):
+            assert_same_events(part.read(mine.start, mine.stop), opened.read(theirs.start, theirs.stop))
+        assert part.ground_truth.stamps.tolist() == opened.ground_truth.stamps[3:9].tolist()
+        difference = part.ground_truth.read_frame(2) - opened.ground_truth.read_frame(5)
+        assert np.abs(difference).max() <= 0.5 / 255 + 1e-6
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 11), st.integers(0, 11))
+def test_a_cut_is_the_events_of_the_marked_windows_whatever_the_order_of_the_marks(a, b):
+    first, last = min(a, b), max(a, b)
+    opened = recording(num_events=1200)
+    for order in ((0, 1), (1, 0)):
+        state, windows = marked(opened, ByCount(100), first, last, order)
+        excerpt = state.of(RecordingState).cut.excerpt
+        assert (excerpt.begin.event, excerpt.end.event) == (windows[first].start, windows[last].stop)
+    with tempfile.TemporaryDirectory() as folder, cut(state, opened, Path(folder)) as part:
+        whole = opened.read(windows[first].start, windows[last].stop)
+        assert_same_events(part.read(0, part.num_events), whole)
+
+
+def test_marks_that_cross_leave_the_newer_one_and_one_mark_reaches_to_the_end():
+    opened = recording(num_events=1200)
+    state, windows = marked(opened, ByCount(100), 8, 2)
+    assert state.of(RecordingState).excerpt.begin is None
+    assert state.of(RecordingState).excerpt.end.event == windows[2].stop
+    state, _ = marked(opened, ByCount(100), 8, 2, order=(1, 0))
+    assert state.of(RecordingState).excerpt.begin.event == windows[8].start
+    assert state.of(RecordingState).excerpt.end is None
+
+
+def test_marks_belong_to_their_recording():
+    opened = recording(num_events=1200)
+    state, windows = marked(opened, ByCount(100), 8)
+    elsewhere = replace(state, recording_id="b")
+    limits = Limits(opened.sensor, windows)
+    again = reduce(reduce(elsewhere, DropTrim(), limits), Trim(), limits)
+    assert again.source.cut is None
+    assert reduce(elsewhere, MarkTrim("to"), limits).source.excerpt.begin is None
+
+
+def test_without_a_mark_or_a_recording_nothing_is_cut():
+    assert reduce(STATE, Trim(), Limits()).source.cut is None
+    assert reduce(STATE, MarkTrim("from"), Limits()).source.excerpt.begin is None
+    assert trim_jobs(STATE, FrameRequest("a", "m", "fp32", BetweenFrames(), 0)) == {}
+
+
+def test_the_public_cannot_cut_and_a_browser_keeps_no_order():
+    state, _ = marked(recording(), BetweenFrames(), 3, 7)
+    assert all(isinstance(intent, FORBIDDEN) for intent in (Trim(), MarkTrim("to"), DropTrim()))
+    assert from_text(to_text(state), STATE)[0].source.cut is None
+    assert SLOT in given_up(STATE)
+    assert SLOT not in given_up(state)
+
+
+def test_what_is_too_large_for_a_page_is_said_with_a_way_out_and_who_cancels_leaves_nothing(tmp_path, monkeypatch):
+    opened = recording(num_events=60_000)
+    state, _ = marked(opened, BetweenFrames(), 3, 7)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    answers = Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool)
+    next(answers)
+    answers.close()
+    monkeypatch.setattr("app.views.recording.jobs.cut.LARGEST", 1000)
+    with pytest.raises(EtnetError, match="etnet cut"):
+        list(Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool))
+    assert not list(tmp_path.iterdir())
+    assert not [thread for thread in threading.enumerate() if thread.name == "cutting"]
+
+
+@pytest.mark.real
+def test_a_stretch_of_a_real_recording_keeps_events_and_frames(tmp_path):
+    with open_recording(real_file("derived/slider_depth_1.0s_event_utils.h5")) as opened:
+        state, windows = marked(opened, BetweenFrames(), 4, 9)
+        with cut(state, opened, tmp_path) as part:
+            again = plan_windows(part, BetweenFrames())
+            assert [w.num_events for w in again] == [w.num_events for w in windows[4:10]]
+            assert part.sensor == opened.sensor
+
+
+def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
+    async def run():
+        with served() as viewer:
+            async with Browser.open(viewer.port, tab=81) as browser:
+                await browser.until_shown("Reconstruction of window 0")
+                await story(viewer, browser)
+
+    async def story(viewer, browser):
+        say = lambda text: browser.use(browser.widget("channel"), press(text))  # noqa: E731
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
+        assert "Cut and download" not in browser.html()
+        await say("source:from")
+        await browser.until_shown("0.150 s … ")
+        await browser.use(browser.widget("Window"), 20)
+        await browser.until_shown("window 20 of 30")
+        await say("source:to")
+        await browser.until_shown("0.150 s … 0.210 s, ")
+        await say("source:cut")
+        await browser.until_shown("being cut out, 0%")
+        await browser.until(lambda: asked() and asked()[-1] is not None)
+        job = asked()[-1]
+        found = list(job.run(loaded_of(viewer.shelf.recordings["a"]), bool))[-1][0]
+        viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
+        await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
+        sent = [message["content"] for _, kind, message in browser.arrivals if kind == "FileTransferPart"]
+        assert b"".join(sent) == found.content
+        await browser.until_shown("Cut and download")
+        assert isinstance(found, Made)
+
+    asyncio.run(run())
+
+
+def test_a_cut_that_failed_says_why_and_another_mark_takes_it_away():
+    opened = recording()
+    state, windows = marked(opened, BetweenFrames(), 3, 7)
+    moment = Moment("a", BetweenFrames(), 7, opened, windows)
+    html = excerpt_html(
+        moment, state.of(RecordingState), JobResult(Cutting(state.of(RecordingState).cut), trouble="no <space>")
+    )
+    assert "no &lt;space&gt;" in html
+    assert "From here" in html
+    state = reduce(state, MarkTrim("to"), Limits(SENSOR, windows))
+    assert "no &lt;space" not in excerpt_html(moment, state.of(RecordingState), None)
+    for word in ("from", "to", "cut", "leave"):
+        assert parse(press(f"source:{word}")) is not None
