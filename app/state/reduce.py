@@ -103,7 +103,8 @@ def _reduce_page(state: ViewState, intent: Any, limits: Limits) -> ViewState | N
             if limits.sensor is None or not (math.isfinite(x) and math.isfinite(y)):
                 return state
             width, height = limits.sensor.width, limits.sensor.height
-            return _queried(state, math.floor(x * width), math.floor(y * height), limits)
+            across, down = (min(max(share, 0.0), 1.0) for share in (x, y))
+            return _queried(state, math.floor(across * width), math.floor(down * height), limits)
         case ask.ShowWorkspace(workspace):
             return replace(_set(state, "workspace", workspace), tab="", staged="")
         case ask.OpenTab(tab):

@@ -190,6 +190,12 @@ def test_typed_time_finds_the_window_it_was_read_from():
         assert reduce(ViewState(), ask.SeekTime(seconds), bounds).index == index
 
 
+@pytest.mark.parametrize("share", [1e307, 1.0, -1e307])
+def test_a_fraction_beyond_the_picture_is_its_edge(share):
+    state = reduce(ViewState(), ask.QueryFraction(share, share), limits())
+    assert state.query == ((63, 47) if share > 0 else (0, 0))
+
+
 def test_an_index_is_left_alone_while_the_recording_is_not_open():
     assert reduce(ViewState(index=31), ask.SetLoop(False), Limits()).index == 31
 
