@@ -42,9 +42,9 @@ def text(default: str, pattern: str = "", longest: int = LONGEST_TEXT) -> Any:
     return field(default=default, metadata={"pattern": pattern, "longest": longest})
 
 
-def passing(default: Any = MISSING, default_factory: Any = MISSING) -> Any:
-    """A field that neither a browser nor a link keeps, and that no page may set by name."""
-    metadata = {"passes": True}
+def passing(default: Any = MISSING, default_factory: Any = MISSING, can_be_set: bool = False) -> Any:
+    """A field that neither a browser nor a link keeps, and that no page may set by name unless it `can_be_set`."""
+    metadata = {"passes": True, "can_be_set": can_be_set}
     if default_factory is not MISSING:
         return field(default_factory=default_factory, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -62,7 +62,7 @@ def checked(kind: type, name: str, value: object) -> Any:
         ValueError: there is no such field, or the value does not fit.
     """
     for entry in fields(kind):
-        if entry.name == name and not is_passing(entry):
+        if entry.name == name and (entry.metadata.get("can_be_set") or not is_passing(entry)):
             return _fit(_hints(kind)[name], value, entry.metadata)
     raise ValueError(f"{kind.__name__} has no field {str(name)[:40]!r} that can be set")
 
@@ -100,7 +100,11 @@ def restored(default: Checked, stored: object) -> tuple[Checked, tuple[str, ...]
         return default, ("all of it",)
     sound: dict[str, Any] = {}
     refused: list[str] = []
+    passing_by = {entry.name for entry in fields(type(default)) if is_passing(entry)}  # pyright: ignore[reportArgumentType]
     for name, value in stored.items():
+        if name in passing_by:
+            refused.append(str(name))
+            continue
         try:
             sound[str(name)] = checked(type(default), str(name), value)
         except (ValueError, EtnetError):

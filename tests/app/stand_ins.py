@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import re
 import struct
 import threading
 import time
@@ -255,19 +256,34 @@ class Browser:
         await self._send(_camera(aspect, position))
 
     def widget(self, label):
-        return next(uuid for uuid, props in self.widgets.items() if props.get("label") == label)
+        return next(
+            uuid
+            for uuid, props in self.widgets.items()
+            if props.get("label") == label and self.types[uuid] != "GuiFolderMessage"
+        )
+
+    def is_open(self, title):
+        """Whether the settings under this title can be seen in the inspector column."""
+        return any(
+            props.get("label") == title and props.get("visible", True) and self.types[uuid] == "GuiFolderMessage"
+            for uuid, props in self.widgets.items()
+        )
 
     def html(self):
         return "\n".join(str(props.get("content", "")) for props in self.widgets.values())
 
-    async def until(self, condition, patience=15.0):
+    def words(self):
+        """What a visitor reads."""
+        return re.sub(r"<[^>]+>", "", self.html())
+
+    async def until(self, condition, patience=3.0):
         ends = time.monotonic() + patience
         while not condition():
             assert time.monotonic() < ends, self.html()[-3000:]
             await asyncio.sleep(0.01)
 
-    async def until_shown(self, text, patience=15.0):
-        await self.until(lambda: text in self.html(), patience)
+    async def until_shown(self, text, patience=3.0):
+        await self.until(lambda: text in self.html() or text in self.words(), patience)
 
 
 def _camera(aspect, position=(0, 0, -5)):

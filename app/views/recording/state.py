@@ -67,12 +67,12 @@ class TrimOrder:
 
 @dataclass(frozen=True, slots=True)
 class RecordingState:
-    """A browser keeps none of this: a page that comes back costs nothing."""
+    """A browser keeps none of this: a page that comes back costs nothing, nor does a link that is followed."""
 
     view: ClassVar[str] = "recording"
-    examines: bool = False
+    examines: bool = passing(False, can_be_set=True)
     """Whether the recording's statistics are computed and shown."""
-    fits: bool = False
+    fits: bool = passing(False, can_be_set=True)
     """Whether the sensor's statistics are held against the training range."""
     excerpt: Excerpt = passing(default_factory=Excerpt)
     cut: TrimOrder | None = passing(None)

@@ -309,7 +309,7 @@ def test_the_timeline_runs_over_windows_as_the_slider_does(moment):
 
 def test_the_moment_is_told_in_numbers(moment):
     page = Checker(now_html(moment))
-    assert "window 4 of 12" in page.text
+    assert "window 4 of 0 – 11" in page.text
     assert "50 events" in page.text
     assert f"{moment.seconds[1]:.3f} s" in page.text
     Checker(timeline_key_html(moment))

@@ -1,9 +1,6 @@
-"""The demo that leads itself, and moments as links: the pure parts, and visits by a websocket that plays a browser."""
+"""The demo that leads itself, and what a visitor may do in it: the pure parts, and visits by a websocket that plays a browser."""
 
 import asyncio
-import base64
-import contextlib
-import json
 from dataclasses import replace
 
 import pytest
@@ -12,7 +9,7 @@ from hypothesis import strategies as st
 
 from app.config import ConfigError, ViewerConfig
 from app.engine.requests import FrameRequest
-from app.session import demo as attract
+from app.session import demo
 from app.session.demo import (
     BURST,
     IDLE,
@@ -21,17 +18,19 @@ from app.session.demo import (
     DemoScript,
     Throttle,
     intents_of,
+    may_ask,
     public_view,
     steps_of,
 )
 from app.state import intents as ask
-from app.state.link import LONGEST, LinkError, to_link
+from app.state.link import to_link
 from app.state.view_state import Limits, ViewState
-from app.views.compare.state import CompareState, Lane
+from app.views import VIEWS
 from app.views.demo.state import PointAt
-from app.views.inspect.state import Switch
+from app.views.export.state import StartExport
+from app.views.inspect.state import InspectState, Switch
 from etnet.events.events import Sensor
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
+from etnet.windows import BetweenFrames, ByCount, ByDuration, Window
 from tests.app.stand_ins import Browser, served
 
 from tests.app.reducing import from_link, reduce
@@ -100,78 +99,20 @@ def test_pointing_is_of_the_demo_alone():
     assert reduce(ViewState(), PointAt("image"), OPEN) == ViewState()
 
 
+def test_in_public_a_visitor_may_ask_of_public_views_and_of_the_page_what_costs_others_nothing():
+    policy = ByCount(5)
+    refused = (
+        ask.ChooseModel("m"), ask.ChoosePrecision("bf16"), ask.ChoosePolicy(policy), ask.ReopenRecording("a~1"),
+        StartExport("mp4"), Switch("tpa"), ask.Set("compare", "inspector", "lanes"), ask.Set("nothing", "x", 1),
+    )  # fmt: skip
+    allowed = (ask.Seek(3), ask.TogglePlay(), ask.Query(1, 2), ask.OpenRecording("b"), ask.Set("attention", "head", 1))
+    assert not any(may_ask(intent, VIEWS) for intent in refused)
+    assert all(may_ask(intent, VIEWS) for intent in allowed)
+
+
 def test_a_demo_offers_no_folder(tmp_path):
     with pytest.raises(ConfigError, match="leave --data out"):
         ViewerConfig(demo=True, data=tmp_path)
-
-
-# ---- links ----
-
-STATE = ViewState(
-    recording_id="bundled-prints", model_id="etnet-half", precision="fp32", policy=ByCount(1234), index=7,
-    is_playing=True, workspace="attention", query=(12, 3), site="scale2.decoder.0.cross", head=3, camera="front",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("policy", [BetweenFrames(), ByCount(7), ByDensity(0.35), ByDuration(20_000, 5_000)])
-def test_a_link_leads_to_the_same_moment_paused_whatever_was_on_show_before(policy):
-    linked, refused = from_link(
-        to_link(replace(STATE, policy=policy), 5000), ViewState(recording_id="other", speed=0.5)
-    )
-    assert refused == ()
-    assert linked == replace(STATE, policy=policy, index=0, moment=5000, is_playing=False, speed=0.5)
-
-
-def test_a_link_can_stand_in_an_address_as_it_is():
-    assert set(to_link(STATE, -5)) <= set("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_")
-
-
-def of(**carried):
-    return base64.urlsafe_b64encode(json.dumps(carried).encode()).decode()
-
-
-@pytest.mark.parametrize(
-    ("value", "said"),
-    [
-        ("", "cannot be read"),
-        ("%%%", "cannot be read"),
-        ("ü", "cannot be read"),
-        (base64.urlsafe_b64encode(b"[" * 1000).decode(), "cannot be read"),
-        ("A" * 5000, "5,000 characters"),
-        (to_link(STATE, 5)[:-20], "cannot be read"),
-        (of(v=2, t=5, recording_id="a"), "another version"),
-        (of(v=1, recording_id="a"), "names no moment"),
-        (of(v=1, t="5", recording_id="a"), "names no moment"),
-        (of(v=1, t=5), "names no moment"),
-    ],
-)
-def test_what_is_no_link_is_refused_in_words(value, said):
-    with pytest.raises(LinkError, match=said):
-        from_link(value, STATE)
-
-
-def test_what_a_link_carries_beyond_reason_is_left_out_and_named():
-    value = of(v=1, t=5, recording_id="a", tone="sepia", site="../etc", is_playing=True, token="x", speed=3)
-    linked, refused = from_link(value, STATE)
-    assert set(refused) == {"tone", "site", "is_playing", "token", "speed"}
-    assert (linked.recording_id, linked.site, linked.is_playing) == ("a", ViewState().site, False)
-
-
-def test_a_link_carries_lanes_but_no_change_of_the_network_nor_leaves_one_that_was_there():
-    changed = replace(STATE, compare=CompareState(lanes=(Lane(), Lane(precision="bf16"))))
-    changed = reduce(changed, Switch("scale 3"), OPEN)
-    assert changed.inside != STATE.inside
-    value = to_link(changed, 5000)
-    linked, refused = from_link(value, changed)
-    assert (linked.inside, linked.compare, refused) == (STATE.inside, changed.compare, ())
-    assert len(value) < LONGEST
-    assert from_link(to_link(STATE, 5000), changed)[0].compare == STATE.compare
-
-
-@given(st.text(max_size=300) | st.binary(max_size=200).map(lambda b: base64.urlsafe_b64encode(b).decode()))
-def test_no_word_of_a_stranger_breaks_a_page(value):
-    with contextlib.suppress(LinkError):
-        from_link(value, STATE)
 
 
 # ---- visits ----
@@ -192,7 +133,7 @@ def newest(viewer):
 
 def test_a_linked_moment_is_shown_paused_and_an_unknown_one_is_refused_kindly():
     async def story(viewer, browser):
-        await browser.until_shown("window 0 of 30")
+        await browser.until_shown("window 0 of 0 – 29")
         moment = ViewState(recording_id="b", model_id="m", precision="fp32", policy=ByDuration(10_000), query=(3, 4))
         channel = browser.widget("channel")
         await browser.use(channel, f"link|{to_link(moment, 70_000)}|1")
@@ -216,19 +157,19 @@ def test_the_page_carries_the_link_of_the_moment_on_show():
         await browser.until(lambda: 'data-etv-moment="ey' in browser.html())
         value = browser.html().split('data-etv-moment="')[1].split('"')[0]
         linked, refused = from_link(value, ViewState())
-        assert (linked.recording_id, linked.moment, refused) == ("a", 160_000, ())
+        assert (linked.recording_id, linked.moment, refused) == ("a", 10_000, ())
 
     run(story)
 
 
 def test_in_public_the_page_leads_until_it_is_touched_and_again_when_it_is_left(monkeypatch):
-    monkeypatch.setattr(attract, "IDLE", 1.0)
+    monkeypatch.setattr(demo, "IDLE", 1.0)
 
     async def story(viewer, browser):
         await browser.until_shown('data-testid="pointed"')
         await browser.until_shown("Touch anything")
         await browser.use(browser.widget("channel"), "touch|1")
-        await browser.until_shown("It is yours")
+        await browser.until_shown("Your turn")
         assert "Touch anything" not in browser.html()
         await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
         await browser.until(lambda: newest(viewer).recording_id == "b")
@@ -242,7 +183,7 @@ def test_in_public_nobody_changes_the_network_the_windows_or_what_the_next_one_s
     async def story(viewer, browser):
         await browser.until_shown("Touch anything")
         labels = {props.get("label") for props in browser.widgets.values()}
-        assert not labels & {"Recording", "Network", "Windows by", "Arithmetic"}
+        assert not labels & {"Recording", "Network", "Windowing", "Precision", "Export", "Compare"}
         channel = browser.widget("channel")
         other = ViewState(recording_id="b", model_id="m", precision="bf16", policy=ByDuration(1))
         await browser.use(channel, f"link|{to_link(other, 70_000)}|1")
@@ -283,7 +224,7 @@ def test_one_visitor_too_many_is_told_and_gets_no_session():
 
 @pytest.mark.parametrize("aspect", [1.6, 0.5])
 def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(monkeypatch, aspect):
-    monkeypatch.setattr(attract, "IDLE", 1e9)
+    monkeypatch.setattr(demo, "IDLE", 1e9)
 
     async def story(viewer, browser):
         placings = lambda: sum(kind == "SetCameraPositionMessage" for _, kind, _ in browser.arrivals)  # noqa: E731
@@ -295,7 +236,7 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
         await browser.turn(aspect, (3, 1, -4))
         await asyncio.sleep(0.5)
         assert placings() == before, "while he looks, the camera is his"
-        monkeypatch.setattr(attract, "IDLE", 0.5)
+        monkeypatch.setattr(demo, "IDLE", 0.5)
         await browser.until(lambda: 'data-etv-public="events"' in browser.html())
         await browser.until(lambda: placings() > before)
 
@@ -306,8 +247,8 @@ def test_on_a_phone_in_public_a_visitor_is_invited_and_chooses_a_recording():
     async def story(viewer, browser):
         await browser.until_shown("Touch anything")
         await browser.use(browser.widget("channel"), "touch|1")
-        await browser.until_shown("It is yours")
-        assert "Look inside the network" not in browser.html()
+        await browser.until_shown("Your turn")
+        assert "Where the network looks" not in browser.html()
         assert 'data-k="open:b"' in browser.html()
         await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
         await browser.until(lambda: newest(viewer).recording_id == "b")

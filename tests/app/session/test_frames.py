@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.requests import Failed, FrameRequest, Ready, Working
-from app.session.channel import AskHelp, Hello, Resized, parse
 from app.session.frames import NewestFrames
-from app.state import intents as ask
 from app.state.view_state import ViewState
-from app.views.attention.state import OpenSite
 from etnet.windows import ByCount
 from tests.app.stand_ins import CONTRACT
 
@@ -78,18 +75,3 @@ def test_the_same_request_is_asked_once():
     assert answers.ask(REQUEST)
     assert not answers.ask(REQUEST)
     assert answers.ask(replace(REQUEST, wants_attention=True))
-
-
-def test_what_a_page_says_is_understood():
-    assert parse("pick|pixel|0.25000|0.50000|17") == ask.QueryFraction(0.25, 0.5)
-    assert parse("pick|site:scale1.encoder.0.self|0.1|0.1|18") == OpenSite("scale1.encoder.0.self")
-    assert parse("pick|heads:close|0.1|0.1|18") == ask.Set("attention", "opens_heads", False)
-    assert parse("pick|head:mean|0|0|1") == ask.Set("attention", "head", None)
-    assert parse("pick|head:3|0|0|1") == ask.Set("attention", "head", 3)
-    assert parse("pick|bin:2|0|0|1") == ask.Set("voxels", "voxel_bin", 2)
-    assert parse("pick|bin:|0|0|1") == ask.Set("voxels", "voxel_bin", None)
-    assert parse("key|comma|1") == ask.Move(-1)
-    assert parse("key|question|1") == AskHelp()
-    assert parse("hello|300|1600|900|1") == Hello(44, 1600, 900)
-    assert parse("size|390|844|1") == Resized(390, 844)
-    assert parse("pick|elsewhere|0|0|1") is None

@@ -24,13 +24,21 @@ def visit(viewer, story, **options):
     return asyncio.run(run())
 
 
+async def press(browser, key):
+    await browser.use(browser.widget("channel"), f"pick|{key}|0.5|0.5|{time.monotonic_ns()}")
+
+
+def newest_session(viewer):
+    return viewer.sessions[max(viewer.sessions)]
+
+
 def test_the_page_opens_on_the_first_recording_with_everything_drawn(viewer):
     async def story(browser):
         await browser.until_shown("Reconstruction of window 0")
         html = browser.html()
         for name in ("events", "voxels", "camera", "provenance", "timeline", "scene-legend"):
             assert f'data-testid="{name}"' in html
-        assert "recording a" in str(browser.widgets[browser.widget("Recording")]["options"])
+        assert all(f'data-k="open:{recording_id}"' in html for recording_id in ("a", "b", "broken"))
 
     visit(viewer, story)
 
@@ -41,7 +49,7 @@ def test_the_event_view_follows_the_slider_while_the_model_is_busy(viewer):
         viewer.engine.is_held = True
         began = time.monotonic()
         await browser.use(browser.widget("Window"), 25)
-        await browser.until_shown("window 25 of 30")
+        await browser.until_shown("window 25 of 0 – 29")
         assert time.monotonic() - began < 5
         await browser.until_shown("showing 0, computing 25 (14 of 19)")
 
@@ -68,9 +76,9 @@ def test_a_frame_at_hand_is_drawn_at_once_with_its_events(viewer):
 def test_a_value_beyond_the_recording_is_brought_inside(viewer):
     async def story(browser):
         await browser.use(browser.widget("Window"), 99_999)
-        await browser.until_shown("window 29 of 30")
+        await browser.until_shown("window 29 of 0 – 29")
         await browser.use(browser.widget("Window"), -5)
-        await browser.until_shown("window 0 of 30")
+        await browser.until_shown("window 0 of 0 – 29")
 
     visit(viewer, story, tab=22)
 
@@ -83,7 +91,7 @@ def test_messages_that_make_no_sense_change_nothing(viewer):
         for value in ("no such speed", 7, None, [1, 2], {"a": 1}):
             await browser.use(browser.widget("Speed"), value)
         await browser.use(browser.widget("Window"), 3)
-        await browser.until_shown("window 3 of 30")
+        await browser.until_shown("window 3 of 0 – 29")
 
     visit(viewer, story, tab=23)
 
@@ -91,8 +99,9 @@ def test_messages_that_make_no_sense_change_nothing(viewer):
 def test_a_click_on_a_picture_asks_for_that_pixel(viewer):
     async def story(browser):
         await browser.use(browser.widget("channel"), "pick|pixel|0.99999|0.5|4")
-        await browser.until(lambda: tuple(browser.widgets[browser.widget("Pixel x, y")]["value"]) == (39.0, 15.0))
-        assert viewer.engine.requests[-1][1].wants_attention
+        await browser.until(lambda: viewer.engine.requests[-1][1].wants_attention)
+        assert newest_session(viewer)._state.query == (39, 15)
+        await browser.until_shown('data-testid="query"')
 
     visit(viewer, story, tab=24)
 
@@ -106,8 +115,8 @@ def test_two_visitors_scrub_alone(viewer):
             await two.use(two.widget("Window"), 9)
             await one.until_shown("Reconstruction of window 5")
             await two.until_shown("Reconstruction of window 9")
-            assert "window 9 of 30" not in one.html()
-            assert "window 5 of 30" not in two.html()
+            assert "window 9 of 0 – 29" not in one.words()
+            assert "window 5 of 0 – 29" not in two.words()
 
     asyncio.run(run())
 
@@ -117,14 +126,14 @@ def test_a_view_comes_back_with_its_tab_and_only_with_it(viewer):
 
     async def leave(browser):
         await browser.use(browser.widget("Window"), 17)
-        await browser.until_shown("window 17 of 30")
-        await browser.until(lambda: any('"index": 17' in kept for kept in browser.storage.values()))
+        await browser.until_shown("window 17 of 0 – 29")
+        await browser.until(lambda: any('"index":17' in kept for kept in browser.storage.values()))
 
     async def come_back(browser):
-        await browser.until_shown("window 17 of 30")
+        await browser.until_shown("window 17 of 0 – 29")
 
     async def come_anew(browser):
-        await browser.until_shown("window 0 of 30")
+        await browser.until_shown("window 0 of 0 – 29")
 
     visit(viewer, leave, tab=41, storage=storage)
     visit(viewer, come_back, tab=41, storage=storage)
@@ -132,11 +141,11 @@ def test_a_view_comes_back_with_its_tab_and_only_with_it(viewer):
 
 
 def test_a_kept_view_that_makes_no_sense_is_left_out_and_said(viewer):
-    kept = json.dumps({"recording_id": "gone", "index": 4, "tone": "sepia"})
+    kept = json.dumps({"recording_id": "gone", "index": 4, "views": {"reconstruction": {"tone": "sepia"}}})
 
     async def story(browser):
         await browser.until(lambda: browser.notices != [])
-        assert "tone" in browser.notices[0]["body"]
+        assert "reconstruction: tone" in browser.notices[0]["body"]
         assert "the recording" in browser.notices[0]["body"]
 
     visit(viewer, story, tab=43, storage={"view:a:43": kept})
@@ -144,12 +153,14 @@ def test_a_kept_view_that_makes_no_sense_is_left_out_and_said(viewer):
 
 def test_what_cannot_be_opened_is_told_and_the_page_goes_on(viewer):
     async def story(browser):
-        await browser.use(browser.widget("Recording"), "recording broken")
+        await press(browser, "open:broken")
         await browser.until(lambda: browser.notices != [])
         assert browser.notices[0]["body"] == "broken.h5: the file ends at byte 12; copy it again"
+        await press(browser, "tab:recording")
         await browser.until_shown("the file ends at byte 12")
         await browser.use(browser.widget("Recording"), "recording b")
-        await browser.until_shown("Reconstruction of window 10")
+        await browser.until(lambda: viewer.engine.requests[-1][1].recording_id == "b")
+        await browser.until_shown("window 0 of 0 – 19")
 
     visit(viewer, story, tab=44)
 
@@ -168,10 +179,13 @@ def test_a_failed_request_is_an_alert_in_the_picture(viewer):
 
 def test_other_windows_are_planned_live_and_the_moment_stays(viewer):
     async def story(browser):
-        await browser.use(browser.widget("Windows by"), "milliseconds")
+        await press(browser, "tab:recording")
+        await browser.use(browser.widget("Window"), 15)
+        await browser.until_shown("window 15 of 0 – 29")
+        await browser.use(browser.widget("Windowing"), "milliseconds")
         await browser.until_shown("every 20 ms")
-        await browser.until_shown("window 7 of 15")
-        await browser.use(browser.widget("Each holds"), 5.0)
+        await browser.until_shown("window 7 of 0 – 14")
+        await browser.use(browser.widget("Size"), 5.0)
         await browser.until_shown("every 5.0 ms")
 
     visit(viewer, story, tab=46)
@@ -185,9 +199,9 @@ def test_playing_waits_for_each_image_when_told_to_and_stops_at_a_touch(viewer):
         shown = [request.index for _, request in viewer.engine.requests if request.recording_id == "a"]
         assert shown[-3:] == list(range(shown[-3], shown[-3] + 3))
         await browser.use(browser.widget("Window"), 1)
-        await browser.until_shown("window 1 of 30")
+        await browser.until_shown("window 1 of 0 – 29")
         await asyncio.sleep(0.5)
-        assert "window 1 of 30" in browser.html()
+        assert "window 1 of 0 – 29" in browser.words()
 
     visit(viewer, story, tab=47)
 
@@ -218,9 +232,9 @@ def test_a_slow_page_still_gets_its_view_back(viewer):
     kept = json.dumps({"recording_id": "a", "model_id": "m", "index": 8, "policy": {"kind": "BetweenFrames"}})
 
     async def story(browser):
-        await browser.until_shown("window 0 of 30")
+        await browser.until_shown("window 0 of 0 – 29")
         await browser.use(browser.widget("channel"), "hello|50|1600|900|9")
-        await browser.until_shown("window 8 of 30")
+        await browser.until_shown("window 8 of 0 – 29")
 
     visit(viewer, story, tab=None, storage={"view:a:50": kept})
 
@@ -230,12 +244,12 @@ def test_a_change_goes_into_the_request_and_out_of_it_again(viewer):
         await browser.until_shown("Reconstruction of window 0")
         channel = browser.widget("channel")
         await browser.use(browser.widget("Look at"), "Change something")
-        await browser.use(channel, "pick|inside:switch:tpa|0.5|0.5|1")
-        await browser.use(channel, "pick|inside:edit:drop:0.5|0.5|0.5|2")
+        await browser.use(channel, "pick|inspect:switch:tpa|0.5|0.5|1")
+        await browser.use(channel, "pick|inspect:edit:drop:0.5|0.5|0.5|2")
         await browser.until(lambda: viewer.engine.requests[-1][1].edit.drop == 0.5)
         assert viewer.engine.requests[-1][1].intervention.without_context
         await browser.until(lambda: any(asked[1] == "inspect.outcome" and asked[2] for asked in viewer.engine.jobs))
-        await browser.use(channel, "pick|inside:back|0.5|0.5|3")
+        await browser.use(channel, "pick|inspect:reset|0.5|0.5|3")
         await browser.until(lambda: viewer.engine.requests[-1][1].is_original)
         await browser.until(lambda: viewer.engine.jobs[-1][1:] == ("inspect.outcome", None))
 

@@ -37,7 +37,10 @@ async def press(browser, text):
 
 
 async def open_lanes(browser):
-    await browser.use(browser.widget("Compare"), "lanes at this moment")
+    await browser.use(browser.widget("Window"), 15)
+    await browser.until_shown("Reconstruction of window 15")
+    await browser.use(browser.widget("channel"), "pick|workspace:compare|0|0|1")
+    await browser.use(browser.widget("Compare"), "runs at this moment")
     await browser.until_shown('data-testid="lane-A"')
 
 
@@ -55,9 +58,9 @@ def test_while_nothing_is_compared_nothing_is_asked(viewer):
 def test_a_lane_follows_the_moment_in_its_own_windows(viewer):
     async def story(browser):
         await open_lanes(browser)
-        await press(browser, "lane:add")
+        await press(browser, "compare:add")
         await browser.until_shown("Lane B: window 15")
-        await browser.use(browser.widget("Windows by "), "milliseconds")
+        await browser.use(browser.widget("Windowing "), "milliseconds")
         await browser.until_shown("every 20 ms")
         await browser.use(browser.widget("Window"), 21)
         await browser.until_shown("Lane B: window 10")
@@ -73,12 +76,12 @@ def test_a_lane_follows_the_moment_in_its_own_windows(viewer):
 def test_each_lane_can_be_cleaned_and_started_cold(viewer):
     async def story(browser):
         await open_lanes(browser)
-        await press(browser, "lane:add")
+        await press(browser, "compare:add")
         await browser.until_shown("Lane B: window 15")
         await browser.use(browser.widget("Cold start here"), True)
         await browser.until_shown("Lane B: window 0")
         await browser.until_shown("cold start at 0.1")
-        await press(browser, "lane:cleaned")
+        await press(browser, "compare:cleaned")
         await browser.until_shown("Lane C: window 15")
         await browser.use(browser.widget("Window"), 18)
         await browser.until_shown("Lane B: window 3")
@@ -92,12 +95,12 @@ def test_each_lane_can_be_cleaned_and_started_cold(viewer):
 def test_a_lane_that_cannot_be_says_why_and_the_others_go_on(viewer):
     async def story(browser):
         await open_lanes(browser)
-        await press(browser, "lane:add")
+        await press(browser, "compare:add")
         await browser.use(browser.widget("Window"), 29)
         await browser.until_shown("Lane B: window 29")
         await browser.use(browser.widget("Cold start here"), True)
         await browser.until_shown("Lane B: window 0")
-        await browser.use(browser.widget("Windows by "), "milliseconds")
+        await browser.use(browser.widget("Windowing "), "milliseconds")
         await browser.until_shown("no window begins after this moment")
         assert "Lane A: window 29" in browser.html()
         await browser.use(browser.widget("Cold start here"), False)
@@ -109,9 +112,9 @@ def test_a_lane_that_cannot_be_says_why_and_the_others_go_on(viewer):
 def test_a_lane_that_is_removed_costs_nothing_more(viewer):
     async def story(browser):
         await open_lanes(browser)
-        await press(browser, "lane:add")
+        await press(browser, "compare:add")
         await browser.until_shown("Lane B: window 15")
-        await press(browser, "lane:remove:0")
+        await press(browser, "compare:remove:0")
         await browser.until(lambda: 'data-testid="lane-B"' not in browser.html())
         await browser.until(lambda: any(visitor.endswith("/lane1") for visitor in viewer.engine.dropped))
 
@@ -124,15 +127,18 @@ def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
     async def story(browser):
         seen = len(jobs)
         await open_lanes(browser)
-        await press(browser, "lane:add")
+        await press(browser, "compare:add")
         await browser.until(lambda: any(isinstance(job, MomentScore) for _, _, job in jobs[seen:]))
         await browser.use(browser.widget("Compare"), "scores over time")
         await browser.until(lambda: sum(isinstance(job, Strip) for _, _, job in jobs[seen:]) == 2)
-        await browser.use(browser.widget("Protocol’s own cut"), True)
+        await browser.use(browser.widget("Protocol’s own range"), True)
         await browser.until(lambda: sum(isinstance(job, ProtocolRun) for _, _, job in jobs[seen:]) == 2)
-        await browser.use(browser.widget("Compare"), "what kind of recording this is")
+        await press(browser, "workspace:recording")
+        await browser.until(lambda: jobs[-1][2] is None)
+        assert {slot for _, slot, job in jobs[-2:] if job is None} == {"compare.protocol.0", "compare.protocol.1"}
+        await press(browser, "set:recording.fits:True")
         await browser.until(lambda: isinstance(jobs[-1][2], FitnessJob))
-        await browser.use(browser.widget("Compare"), "nothing")
+        await press(browser, "set:recording.fits:False")
         await browser.until(lambda: jobs[-1][2] is None)
 
     visit(viewer, story, 66)
@@ -158,11 +164,11 @@ def test_values_are_read_out_at_the_clicked_pixel_also_when_zoomed(viewer):
 def test_messages_about_lanes_that_make_no_sense_change_nothing(viewer):
     async def story(browser):
         await open_lanes(browser)
-        for text in ("lane:", "lane:7", "lane:remove:x", "lane:remove:9", "cut:1,2", "cut:a,b,c,d", "at:1", "span:1",
+        for text in ("compare:", "compare:choose:7", "compare:remove:x", "compare:remove:9", "cut:1,2", "cut:a,b,c,d", "at:1", "span:1",
                      "span:nan,inf", "goto:x", "goto:inf"):  # fmt: skip
             await press(browser, text)
         await browser.use(browser.widget("Window"), 3)
-        await browser.until_shown("window 3 of 30")
+        await browser.until_shown("window 3 of 0 – 29")
         await browser.until_shown("Lane A: window 3")
 
     visit(viewer, story, 68)

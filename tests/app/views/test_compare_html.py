@@ -11,10 +11,11 @@ from app.engine.requests import FrameRequest, Ready
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.html.tones import Tones
+from app.state.lane import Lane
 from app.views.compare.html.lane import LaneShown, Truth
 from app.views.compare.html.lanes import box_of, lanes_html
 from app.views.compare.html.scores import Series, curves_over, scores_html, trace
-from app.views.compare.state import CompareState, Lane
+from app.views.compare.state import CompareState
 from app.views.recording.html.fitness import fitness_html
 from etnet.events.fitness import Activity, Fitness, Lag, Thresholds
 from etnet.windows import BetweenFrames, plan_windows
@@ -115,10 +116,12 @@ def test_a_curve_breaks_where_windows_are_still_to_come():
     assert trace(xs, ys).count("M") == 2
 
 
-def test_the_curves_over_the_timeline_stand_at_their_windows(moment):
+def test_the_curves_over_the_timeline_stand_where_their_windows_end(moment):
     drawn = curves_over(moment, [series(moment, 0, [0.1, 0.2, 0.3])], "lpips")
     xs = [float(x) for x in re.findall(r"[ML]([\d.]+) ", drawn)][3:]  # the first three are the dark edge
-    assert xs == pytest.approx([0, 1000 / 29, 2000 / 29], abs=0.1)
+    span = moment.recording.span
+    ends = [moment.windows[index].t_stop - span.start for index in range(3)]
+    assert xs == pytest.approx([1000 * end / span.duration for end in ends], abs=0.1)
 
 
 def test_a_measure_that_cannot_be_had_says_where_it_can(moment):

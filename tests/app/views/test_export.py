@@ -1,4 +1,4 @@
-"""What is taken away through the page: the same files as the command line's, made without holding anybody up."""
+"""What is exported through the page: the same files as the command line's, made without holding anybody up."""
 
 import asyncio
 import json
@@ -17,10 +17,10 @@ from app.engine.downloads import Download
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
 from app.state.view_state import Limits, ViewState
-from app.views.demo.state import DropExport, StartExport
-from app.views.export.jobs import SLOT, Taking, export_jobs
-from app.views.export.state import ExportState
-from app.views.inspect.state import Change
+from app.views.attention.state import AttentionState
+from app.views.export.jobs import ExportJob, export_jobs
+from app.views.export.state import EXPORT_SLOT, DropExport, ExportState, StartExport
+from app.views.inspect.state import Change, InspectState
 from etnet.errors import Cancelled, EtnetError
 from etnet.events.edit import EventEdit
 from etnet.events.recording import Growth
@@ -50,7 +50,7 @@ def loaded():
 
 def ordered(**wanted):
     state = reduce(STATE, StartExport(**wanted), Limits())
-    return Taking(state.of(ExportState).order)
+    return ExportJob(state.of(ExportState).order)
 
 
 def made(job, at=None, cancelled=lambda: False):
@@ -104,13 +104,13 @@ def test_arrays_hold_states_and_camera_frames_as_the_commands_do(tmp_path):
 def test_a_picture_is_of_the_window_that_was_on_show():
     a = made(ordered(format="png", first=0, last=0))
     assert a.content.startswith(b"\x89PNG")
-    other = Taking(reduce(STATE.__class__(**{**_fields(STATE), "index": 0}), StartExport("png"), Limits()).show.order)
+    other = ExportJob(reduce(replace(STATE, index=0), StartExport("png"), Limits()).of(ExportState).order)
     assert made(other).content != a.content
 
 
-def sheet(name, **view):
-    state = ViewState(**{**_fields(STATE), **view})
-    content = made(Taking(reduce(state, StartExport("png", sheet=name), Limits()).show.order)).content
+def sheet(name, query=STATE.query, head=None):
+    state = replace(STATE, query=query).put(AttentionState(head=head))
+    content = made(ExportJob(reduce(state, StartExport("png", sheet=name), Limits()).of(ExportState).order)).content
     return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
 
 
@@ -129,10 +129,6 @@ def test_maps_are_those_of_the_head_on_show():
 def test_maps_without_a_pixel_are_refused_with_what_to_do():
     with pytest.raises(EtnetError, match="choose a pixel"):
         sheet("attention", query=None)
-
-
-def _fields(state):
-    return {name: getattr(state, name) for name in state.__dataclass_fields__}
 
 
 def test_a_step_that_had_to_give_way_is_made_after_it_and_nothing_differs():
@@ -156,9 +152,9 @@ HELD = [
 
 @pytest.mark.parametrize(("change", "held"), HELD)
 def test_a_session_holds_what_is_changed_if_a_run_can(change, held, tmp_path):
-    state = replace(STATE, inside=replace(STATE.inside, change=change))
-    order = reduce(state, StartExport("session", 1, 3), Limits()).show.order
-    taken = made(Taking(order))
+    state = STATE.put(InspectState(change=change))
+    order = reduce(state, StartExport("session", 1, 3), Limits()).of(ExportState).order
+    taken = made(ExportJob(order))
     path = tmp_path / taken.name
     write_session(record_session(Take(made_up_take().playback, 1, 4), BetweenFrames(), held), path)
     assert taken.content == path.read_bytes()
@@ -200,10 +196,10 @@ def test_an_order_stands_whatever_is_looked_at_afterwards_and_only_one_at_a_time
     request = FrameRequest("a", "m", "fp32", BetweenFrames(), 3)
     assert export_jobs(STATE, request) == {}
     first = reduce(STATE, StartExport("mp4"), Limits())
-    job = export_jobs(first, request)[SLOT]
-    moved = ViewState(**{**_fields(first), "index": 1, "recording_id": "b"})
-    assert export_jobs(moved, request)[SLOT] == job
-    assert reduce(first, DropExport(), Limits()).show.order is None
+    job = export_jobs(first, request)[EXPORT_SLOT]
+    moved = replace(first, index=1, recording_id="b")
+    assert export_jobs(moved, request)[EXPORT_SLOT] == job
+    assert reduce(first, DropExport(), Limits()).of(ExportState).order is None
 
 
 def visit(story):
@@ -211,6 +207,8 @@ def visit(story):
         with served() as viewer:
             async with Browser.open(viewer.port, tab=3) as browser:
                 await browser.until_shown("Reconstruction of window 0")
+                await browser.use(browser.widget("channel"), "pick|tab:export|0|0|1")
+                await browser.until(lambda: browser.is_open("Export"))
                 await story(viewer, browser)
 
     asyncio.run(run())
@@ -218,19 +216,19 @@ def visit(story):
 
 def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
     async def story(viewer, browser):
-        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
-        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
-        await browser.use(browser.widget("Make it"), True)
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == EXPORT_SLOT]  # noqa: E731
+        await browser.use(browser.widget("Format"), "Numbers of every window (CSV)")
+        await browser.use(browser.widget("Export"), True)
         await browser.until(lambda: asked() and asked()[-1] is not None)
         assert asked()[-1].order.wanted.format == "csv"
         await browser.until_shown("being made, 0%")
         await browser.use(browser.widget("Cancel"), True)
         await browser.until(lambda: asked()[-1] is None)
-        await browser.use(browser.widget("Make it"), True)
+        await browser.use(browser.widget("Export"), True)
         await browser.until(lambda: asked()[-1] is not None)
         job = asked()[-1]
         session = next(iter(viewer.sessions.values()))
-        viewer.engine.tell(SLOT, JobResult(job, Download("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
+        viewer.engine.tell(EXPORT_SLOT, JobResult(job, Download("a.csv", b"1,2\n" * 40), 1.0, is_whole=True))
         await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
         part = next(message for _, kind, message in browser.arrivals if kind == "FileTransferPart")
         assert part["content"] == b"1,2\n" * 40
@@ -245,17 +243,17 @@ def test_the_form_follows_its_own_choices_while_the_page_rests():
     async def story(viewer, browser):
         is_shown = lambda label: browser.widgets[browser.widget(label)]["visible"]  # noqa: E731
         await asyncio.sleep(1.0)  # the page has come to rest: nothing but the form makes it draw
-        await browser.use(browser.widget("A range only"), True)
+        await browser.use(browser.widget("Limit range"), True)
         await browser.until(lambda: is_shown("From window") and is_shown("To window"), patience=2.0)
-        await browser.use(browser.widget("Make"), "Numbers of every window (CSV)")
-        await browser.until(lambda: not (is_shown("Speed") or is_shown("Stamps below")), patience=2.0)
+        await browser.use(browser.widget("Format"), "Numbers of every window (CSV)")
+        await browser.until(lambda: not (is_shown("Speed") or is_shown("Burn in timestamps")), patience=2.0)
         await browser.until(lambda: "etnet export csv" in words(browser), patience=2.0)
         assert not is_shown("States (large)")
-        await browser.use(browser.widget("Make"), "Picture of this window (PNG)")
-        await browser.until(lambda: is_shown("Picture") and is_shown("Stamps below"), patience=2.0)
+        await browser.use(browser.widget("Format"), "Picture of this window (PNG)")
+        await browser.until(lambda: is_shown("Picture") and is_shown("Burn in timestamps"), patience=2.0)
         await browser.use(browser.widget("Picture"), "the whole layout")
-        await browser.until(lambda: not is_shown("Stamps below"), patience=2.0)
-        await browser.use(browser.widget("Make"), "Arrays (NPZ)")
+        await browser.until(lambda: not is_shown("Burn in timestamps"), patience=2.0)
+        await browser.use(browser.widget("Format"), "Arrays (NPZ)")
         await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"), patience=2.0)
         await browser.use(browser.widget("States (large)"), True)
         await browser.until(lambda: "--what frames voxels states" in words(browser), patience=2.0)

@@ -8,8 +8,8 @@ import pytest
 import tyro
 
 from app.html.moment import Moment
-from app.views.demo.state import StartExport
 from app.views.export.command import Run, export_command, policy_text
+from app.views.export.state import StartExport
 from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, parse_range
 from etnet.cli.policy import parse_policy
 from etnet.events.assumptions import Assumptions

@@ -1,4 +1,4 @@
-"""Looking inside: what is found and how it is told."""
+"""The inspector: what is found and how it is told."""
 
 from dataclasses import replace
 
@@ -9,24 +9,22 @@ import torch
 from app.engine.jobs import JobResult
 from app.engine.requests import Ready
 from app.html.attention.links import links_of
-from app.html.attention.maps import AttentionLook
+from app.html.attention.look import AttentionLook
 from app.html.moment import Moment
 from app.html.tones import Tones
 from app.state.view_state import ViewState
+from app.views.attention.html.grid import attention_html, site_html
 from app.views.attention.html.tools import attention_tools_html, pinned_html
-from app.views.inspect import state as inside_view
-from app.views.inspect.html.attribution import traced_cloud, traced_html
+from app.views.attention.state import AttentionState, PinMap, PinnedMap
+from app.views.attention.state import hear as hear_attention
+from app.views.inspect.html.attribution import traced_html
 from app.views.inspect.html.change import change_html, change_words
 from app.views.inspect.html.importance import attended_html, matters_html
 from app.views.inspect.html.network_input import given_html
 from app.views.inspect.jobs import memory, parts, pixel
 from app.views.inspect.panel import inspector_html
-from app.views.inspect.state import (
-    Change,
-    InspectState,
-    PinMap,
-    PinnedMap,
-)
+from app.views.inspect.scene_cloud import traced_cloud
+from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
 from app.views.scene.links import arc
 from app.views.scene.space import Space
@@ -106,7 +104,7 @@ def test_deeper_memory_is_added_one_depth_after_the_other(loaded):
 
 def page_of(state, moment, ready, **results):
     found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
-    return Page(state, moment, ready, look=AttentionLook.of(state, True), results=found)
+    return Page(state, moment, ready, results=found)
 
 
 def test_every_part_has_a_row_and_the_verdict_names_what_decides(loaded):
@@ -116,7 +114,7 @@ def test_every_part_has_a_row_and_the_verdict_names_what_decides(loaded):
     assert len(page.by_testid("verdict")) == 1
     x, y = QUERY
     most = max(found, key=lambda part: abs(part.difference[y, x]))
-    assert f"inside:set:part:{most.name}" in page.keys
+    assert f"set:inspect.part:{most.name}" in page.keys
 
 
 def test_attention_that_changes_nothing_visible_is_said_to_explain_nothing(loaded):
@@ -145,12 +143,12 @@ def test_a_switched_button_says_so_and_everything_can_be_put_back(loaded):
     page = Checker(html)
     pressed = {attrs["data-k"] for _, attrs in page.tags if attrs.get("aria-pressed") == "true"}
     assert {
-        "inside:switch:skip 1",
-        f"inside:switch:head {SITE} 2",
-        "inside:edit:drop:0.5",
-        "inside:carry:off",
+        "inspect:switch:skip 1",
+        f"inspect:switch:head {SITE} 2",
+        "inspect:edit:drop:0.5",
+        "inspect:carry:off",
     } <= pressed
-    assert "inside:back" in page.keys
+    assert "inspect:reset" in page.keys
     assert change_words(change) == "no skip 1/2 · 1 × head muted · 50 % of the events left out"
 
 
@@ -166,33 +164,32 @@ def test_a_network_without_attention_or_memory_says_so(moment):
 
 def test_a_map_pinned_twice_differs_from_itself_by_nothing(ready):
     pinned = PinnedMap(SITE, None, "mean", QUERY)
-    view = InspectState(pin_a=pinned, pin_b=pinned)
+    view = AttentionState(pin_a=pinned, pin_b=pinned)
     page = Checker(pinned_html(ready, AttentionLook(QUERY), view))
     assert "A and B share 100 % of their weight." in page.text
     other = replace(view, pin_b=replace(pinned, site="scale1.encoder.0.self", head=1))
     assert len(page.by_testid("a-minus-b")) == 1
     assert "head 2" in Checker(pinned_html(ready, AttentionLook(QUERY), other)).text
-    assert pinned_html(ready, AttentionLook(QUERY), InspectState()) == ""
+    assert pinned_html(ready, AttentionLook(QUERY), AttentionState()) == ""
 
 
 def test_the_tools_pin_the_map_that_is_opened(ready):
     look = AttentionLook(QUERY, head=2)
-    page = Checker(attention_tools_html(InspectState(), look, site=SITE))
-    pinned = next(key for key in page.keys if key.startswith("inside:pin:a:"))
-    assert inside_view.heard(pinned.removeprefix("inside:")) == PinMap("a", PinnedMap(SITE, 2, "mean", QUERY))
+    page = Checker(attention_tools_html(AttentionState(), Intervention(), look, site=SITE))
+    pinned = next(key for key in page.keys if key.startswith("attention:pin:a:"))
+    assert hear_attention(pinned.removeprefix("attention:")) == PinMap("a", PinnedMap(SITE, 2, "mean", QUERY))
 
 
 def test_heads_are_sorted_by_what_was_asked_for(ready):
-    from app.views.attention.html.grid import attention_html
     from etnet.inspection.entropy import map_numbers
 
     token = ready.attention.grid.token_at(*QUERY)
     numbers = map_numbers(ready.attention.rows(SITE, [token]), ready.attention.grid, [token])
     for order, best in (("entropy", numbers.entropy.argmin()), ("distance", numbers.distance.argmax())):
         look = AttentionLook(QUERY, order=order)
-        page = Checker(attention_html(ready, look, opened=SITE))
-        heads = [key for key in page.keys if key.startswith("head:") and key != "head:mean"]
-        assert heads[0] == f"head:{int(best)}"
+        heads = [key for key in Checker(site_html(ready, look, SITE)[1]).keys if key.startswith("set:attention.head:")]
+        assert heads[0] == f"set:attention.head:{int(best)}"
+        assert len(Checker(attention_html(ready, look)).keys) == len(ready.attention.sites)
 
 
 def test_who_reads_a_token_is_its_column_of_the_map(ready):
@@ -279,7 +276,7 @@ def test_what_is_followed_ends_in_the_map_of_the_window_on_show(loaded, ready):
     token = grid.token_at(*QUERY)
     row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
     assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
-    state = ViewState(query=QUERY, index=5, site=SITE).put(InspectState(opened="time"))
+    state = ViewState(query=QUERY, index=5).put(InspectState(opened="time"), AttentionState(site=SITE))
     anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
     page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, anatomy=anatomy, followed=(job, followed))))
     assert f"now {followed.entropy[-1]:.2f} bits" in page.text

@@ -1,32 +1,32 @@
-"""What a visitor asks of the inside, and what the engine makes of a change."""
+"""What a visitor asks of the inspector, and what the engine makes of a change."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from app.session.questions import questions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.engine.engine import Engine
 from app.session.channel import parse
 from app.state import intents as ask
+from app.state.stored import to_text
 from app.state.view_state import Limits, ViewState
-from app.views.inspect import state as inside_view
+from app.views import VIEWS
+from app.views.attention.state import AttentionState, PinMap, PinnedMap, pin_text
+from app.views.attention.state import hear as hear_attention
+from app.views.inspect.jobs.inspect import inspect_jobs
 from app.views.inspect.state import (
     NO_CHANGE,
     Change,
-    Choose,
     EditEvents,
     InspectState,
-    OpenInspector,
     Persist,
-    PinMap,
-    PinnedMap,
     ResetAll,
     Switch,
+    changed_request,
+    hear,
     is_switched,
-    reduce_inspect,
     switched,
 )
 from etnet.events.edit import EventEdit
@@ -38,7 +38,7 @@ from tests.inspection.small import small_playback
 
 from tests.app.fakes import Inbox, Shelf
 from tests.app.small_loaded import NONSENSE, PARTS, POLICY, QUERY, SITE, loaded_of, request_of
-from tests.app.reducing import reduce
+from tests.app.reducing import from_text, reduce
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -57,36 +57,39 @@ def test_a_part_that_does_not_exist_changes_nothing(part):
 
 
 ASKED = st.one_of(
-    st.builds(OpenInspector, st.sampled_from(["none", "matters", "change", "evil"])),
+    st.builds(ask.Set, st.just("inspect"), st.just("opened"), st.sampled_from(["none", "matters", "change", "evil"])),
     st.builds(Switch, st.sampled_from([*PARTS, *NONSENSE])),
     st.builds(EditEvents, st.sampled_from(["drop", "invert", "jitter", "jitter_by", "seed"]), st.floats()),
     st.builds(Persist, st.booleans()),
     st.builds(ResetAll),
-    st.builds(Choose, st.sampled_from(["level", "channel", "gather", "change", "is_linear", "plane"]), st.text()),
+    st.builds(ask.Set, st.just("inspect"), st.sampled_from(["level", "channel", "change", "plane"]), st.text()),
     st.builds(PinMap, st.sampled_from(["a", "b"]), st.just(PinnedMap(SITE, 1, "mean", QUERY))),
 )
 
 
 @settings(deadline=None, max_examples=40)
 @given(st.lists(ASKED, max_size=20), st.integers(0, 7))
-def test_no_order_of_wishes_leads_out_of_what_there_is_and_put_back_undoes_it_all(asked, index):
+def test_no_order_of_requests_leads_out_of_what_there_is_and_a_reset_undoes_it_all(asked, index):
     state = ViewState(index=index)
     for intent in asked:
         state = reduce(state, intent, Limits())
         assert 1 <= state.of(InspectState).level <= 3
         assert 0 <= state.of(InspectState).change.edit.drop <= 1
-    assert reduce(state, ResetAll(), Limits()).inside.change == NO_CHANGE
+    assert reduce(state, ResetAll(), Limits()).of(InspectState).change == NO_CHANGE
     for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
-        assert reduce(state, anew, Limits()).inside.change == NO_CHANGE
+        assert reduce(state, anew, Limits()).of(InspectState).change == NO_CHANGE
 
 
 @settings(deadline=None, max_examples=40)
 @given(st.lists(ASKED, max_size=20))
-def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(asked):
-    view = InspectState()
+def test_what_is_kept_of_an_inspection_is_how_it_looks_and_not_what_it_changed(asked):
+    state = ViewState()
     for intent in asked:
-        view = reduce_inspect(view, intent, 3)
-    assert inside_view.restored(inside_view.kept(view)) == view.anew()
+        state = reduce(state, intent, Limits())
+    restored, refused = from_text(to_text(state), ViewState())
+    assert refused == ()
+    assert restored.of(InspectState) == replace(state.of(InspectState), change=NO_CHANGE)
+    assert restored.of(AttentionState) == replace(state.of(AttentionState), pin_a=None, pin_b=None)
 
 
 @settings(deadline=None, max_examples=40)
@@ -95,13 +98,14 @@ def test_what_is_kept_of_a_look_inside_is_how_it_looks_and_not_what_it_changed(a
     | st.builds("{}:{}".format, st.sampled_from(["pin:a", "edit:drop", "set", "switch"]), st.text())
 )
 def test_a_strange_message_is_understood_or_left_alone_and_never_an_error(text):
-    heard = parse(f"pick|inside:{text}|0.5|0.5|1")
-    assert heard is None or isinstance(heard, inside_view.InspectIntent)
+    for view in ("inspect", "attention"):
+        heard = parse(f"pick|{view}:{text}|0.5|0.5|1", VIEWS)
+        assert heard is None or isinstance(reduce(ViewState(), heard, Limits()), ViewState)
 
 
 def test_a_pin_comes_back_from_its_button_as_it_was():
     for pinned in (PinnedMap(SITE, 3, "mean", (7, 9)), PinnedMap(SITE, None, "max", (0, 0))):
-        assert inside_view.heard(f"pin:a:{inside_view.pin_text(pinned)}") == PinMap("a", pinned)
+        assert hear_attention(f"pin:a:{pin_text(pinned)}") == PinMap("a", pinned)
 
 
 def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no_beginning():
@@ -113,11 +117,28 @@ def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no
     assert Change(edit=EventEdit(jitter_by=99), since=2).at(9) == NO_CHANGE
 
 
-def test_nothing_is_asked_of_the_model_while_every_inspector_is_closed():
-    state = ViewState(query=QUERY).put(InspectState(change=Change(Intervention(without_context=True))))
-    assert not any(slot.startswith("inside") for slot in questions(state, request_of(3)))
-    opened = replace(state, inside=replace(state.of(InspectState), opened="matters"))
-    assert set(questions(opened, request_of(3))) == {"inspect.anatomy", "inspect.matters", "inspect.attended"}
+def test_a_button_says_what_it_switches():
+    assert hear(f"switch:head {SITE} 3") == Switch(f"head {SITE} 3")
+    assert hear("edit:drop:0.5") == EditEvents("drop", 0.5)
+    assert (hear("carry:on"), hear("carry:off"), hear("reset")) == (Persist(True), Persist(False), ResetAll())
+    assert hear("nonsense") is None
+
+
+def test_what_is_changed_goes_into_every_request_and_nothing_else_of_it():
+    change = Change(Intervention(without_context=True), EventEdit(drop=0.5), since=4)
+    changed = changed_request(InspectState(change=change), request_of(6))
+    assert (changed.intervention, changed.edit, changed.since) == (change.intervention, change.edit, 4)
+    assert changed.plain == request_of(6)
+    assert changed_request(InspectState(change=change), request_of(3)) == request_of(3)
+    assert changed_request(InspectState(), request_of(3)) is not None
+
+
+def test_nothing_is_asked_of_the_model_while_nothing_is_inspected():
+    inspected = InspectState(change=Change(Intervention(without_context=True)))
+    state = ViewState(query=QUERY).put(inspected)
+    assert not inspect_jobs(state, request_of(3))
+    opened = state.put(replace(inspected, opened="matters"))
+    assert set(inspect_jobs(opened, request_of(3))) == {"inspect.anatomy", "inspect.matters", "inspect.attended"}
 
 
 # ---- what the engine makes of a change ----

@@ -14,13 +14,15 @@ from app.engine.jobs import JobResult, num_bytes
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.session.channel import parse
-from app.session.demo import FORBIDDEN
+from app.session.demo import may_ask
+from app.state import intents as ask
 from app.state.stored import to_text
 from app.state.view_state import Limits, ViewState
+from app.views import VIEWS
 from app.views.recording.html.examination import doctor_html
 from app.views.recording.jobs.examination import SLOT, ExaminationJob, examination_jobs
 from app.views.recording.panel import GONE
-from app.views.recording.state import Examine
+from app.views.recording.state import RecordingState
 from etnet.events.events import Events
 from etnet.events.examine import examine, look_through
 from etnet.events.recording import Remark, recording_of_events
@@ -29,6 +31,8 @@ from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
 
 from tests.app.reducing import from_text, reduce
 
+EXAMINE = ask.Set("recording", "examines", True)
+CLOSE = ask.Set("recording", "examines", False)
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=7)
 REQUEST = FrameRequest("a", "m", "fp32", BetweenFrames(), 7)
 
@@ -53,13 +57,13 @@ def told(html, what):
 
 def test_the_doctor_is_asked_only_while_his_page_is_open():
     assert examination_jobs(STATE, REQUEST) == {}
-    opened = reduce(STATE, parse(press("source:examine:on")), Limits())
+    opened = reduce(STATE, EXAMINE, Limits())
     assert list(examination_jobs(opened, REQUEST)) == [SLOT]
-    assert examination_jobs(reduce(opened, parse(press("source:examine:off")), Limits()), REQUEST) == {}
+    assert examination_jobs(reduce(opened, CLOSE, Limits()), REQUEST) == {}
 
 
 def test_the_answer_is_one_for_every_network_and_every_cut():
-    opened = reduce(STATE, Examine(True), Limits())
+    opened = reduce(STATE, EXAMINE, Limits())
     other = FrameRequest("a", "n", "bf16", ByCount(100), 12, wants_attention=True)
     assert examination_jobs(opened, REQUEST) == examination_jobs(opened, other)
     assert ExaminationJob("a", REQUEST) != ExaminationJob("b", REQUEST)
@@ -74,14 +78,17 @@ def test_the_job_finds_what_the_command_line_finds():
 
 
 def test_a_browser_does_not_keep_the_page_open_and_the_public_may_not_open_it():
-    opened = reduce(STATE, Examine(True), Limits())
-    assert not from_text(to_text(opened), STATE)[0].source.examines
-    assert isinstance(Examine(True), FORBIDDEN)
+    opened = reduce(STATE, EXAMINE, Limits())
+    assert not from_text(to_text(opened), STATE)[0].of(RecordingState).examines
+    stored = '{"views": {"recording": {"examines": true, "fits": true}}}'
+    assert from_text(stored, STATE) == (STATE, ("recording: examines", "recording: fits"))
+    assert not may_ask(EXAMINE, VIEWS)
 
 
 def test_other_words_of_a_page_change_nothing():
-    for text in ("source:", "source:examine", "source:examine:maybe", "source:nonsense:on"):
-        assert parse(press(text)) is None
+    for text in ("recording:", "recording:examine", "set:recording.examines:maybe", "set:recording.nonsense:True"):
+        heard = parse(press(text), VIEWS)
+        assert heard is None or reduce(STATE, heard, Limits()) == STATE
 
 
 def test_the_page_says_the_numbers_that_were_found(moment):
@@ -142,7 +149,10 @@ def test_a_visitor_opens_the_page_waits_and_closes_it():
     async def story(viewer, browser):
         asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
         assert not asked()
-        await browser.use(browser.widget("channel"), press("source:examine:on"))
+        await browser.use(browser.widget("channel"), press("workspace:recording"))
+        await browser.until_shown("set:recording.examines:True")
+        assert not asked()
+        await browser.use(browser.widget("channel"), press("set:recording.examines:True"))
         await browser.until_shown("looking it through, 0%")
         await browser.until(asked)
         job = asked()[-1]
@@ -152,9 +162,9 @@ def test_a_visitor_opens_the_page_waits_and_closes_it():
         viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
         await browser.until_shown("<dt>Polarity</dt>")
         assert "6,000" in told(browser.html(), "Events")
-        await browser.use(browser.widget("channel"), press("source:examine:off"))
+        await browser.use(browser.widget("channel"), press("set:recording.examines:False"))
         await browser.until(lambda: asked()[-1] is None)
-        await browser.until_shown("Examine this recording")
+        await browser.until_shown("set:recording.examines:True")
 
     visit(story, 71)
 
@@ -168,6 +178,8 @@ def test_a_recording_that_was_just_made_appears_without_a_reload_and_one_that_is
 
     async def story(viewer, browser):
         choice = browser.widgets[browser.widget("Recording")]
+        assert "take b" in browser.html()
+        await browser.use(browser.widget("channel"), press("tab:recording"))
         await browser.until(lambda: list(choice["options"]) == ["take a", "take b"])
         growing[0] = ("<new>.raw",)
         await browser.until_shown("once it rests: &lt;new&gt;.raw")

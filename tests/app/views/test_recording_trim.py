@@ -10,22 +10,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from app.session.questions import given_up
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.engine.downloads import Download
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.session.channel import parse
-from app.session.demo import FORBIDDEN
+from app.session.demo import may_ask
 from app.state import intents as ask
 from app.state.stored import to_text
 from app.state.view_state import Limits, ViewState
-from app.views.export.jobs import Made
+from app.views import VIEWS
 from app.views.recording.html.cut import excerpt_html
-from app.views.recording.jobs.cut import SLOT, Cutting, trim_jobs
-from app.views.recording.state import DropTrim, MarkTrim, RecordingState, Trim
+from app.views.recording.jobs.cut import TrimJob, trim_jobs
+from app.views.recording.state import TRIM_SLOT, DropTrim, MarkTrim, RecordingState, Trim
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
 from etnet.windows import BetweenFrames, ByCount, plan_windows
@@ -59,7 +59,7 @@ def loaded_of(opened):
 
 
 def cut(state, opened, folder):
-    answers = list(Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool))
+    answers = list(TrimJob(state.of(RecordingState).cut).run(loaded_of(opened), bool))
     assert all(value is None for value, _ in answers[:-1])
     assert [share for _, share in answers] == sorted(share for _, share in answers)
     path = folder / answers[-1][0].name
@@ -110,34 +110,35 @@ def test_marks_belong_to_their_recording():
     elsewhere = replace(state, recording_id="b")
     limits = Limits(opened.sensor, windows)
     again = reduce(reduce(elsewhere, DropTrim(), limits), Trim(), limits)
-    assert again.source.cut is None
-    assert reduce(elsewhere, MarkTrim("to"), limits).source.excerpt.begin is None
+    assert again.of(RecordingState).cut is None
+    assert reduce(elsewhere, MarkTrim("to"), limits).of(RecordingState).excerpt.begin is None
 
 
 def test_without_a_mark_or_a_recording_nothing_is_cut():
-    assert reduce(STATE, Trim(), Limits()).source.cut is None
-    assert reduce(STATE, MarkTrim("from"), Limits()).source.excerpt.begin is None
+    assert reduce(STATE, Trim(), Limits()).of(RecordingState).cut is None
+    assert reduce(STATE, MarkTrim("from"), Limits()).of(RecordingState).excerpt.begin is None
     assert trim_jobs(STATE, FrameRequest("a", "m", "fp32", BetweenFrames(), 0)) == {}
 
 
 def test_the_public_cannot_cut_and_a_browser_keeps_no_order():
     state, _ = marked(recording(), BetweenFrames(), 3, 7)
-    assert all(isinstance(intent, FORBIDDEN) for intent in (Trim(), MarkTrim("to"), DropTrim()))
-    assert from_text(to_text(state), STATE)[0].source.cut is None
-    assert SLOT in given_up(STATE)
-    assert SLOT not in given_up(state)
+    assert not any(may_ask(intent, VIEWS) for intent in (Trim(), MarkTrim("to"), DropTrim()))
+    assert from_text(to_text(state), STATE)[0].of(RecordingState).cut is None
+    request = FrameRequest("a", "m", "fp32", BetweenFrames(), 0)
+    assert set(trim_jobs(state, request)) == {TRIM_SLOT}
+    assert not trim_jobs(reduce(state, DropTrim(), Limits()), request)
 
 
 def test_what_is_too_large_for_a_page_is_said_with_a_way_out_and_who_cancels_leaves_nothing(tmp_path, monkeypatch):
     opened = recording(num_events=60_000)
     state, _ = marked(opened, BetweenFrames(), 3, 7)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    answers = Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool)
+    answers = TrimJob(state.of(RecordingState).cut).run(loaded_of(opened), bool)
     next(answers)
     answers.close()
     monkeypatch.setattr("app.views.recording.jobs.cut.LARGEST", 1000)
     with pytest.raises(EtnetError, match="etnet cut"):
-        list(Cutting(state.of(RecordingState).cut).run(loaded_of(opened), bool))
+        list(TrimJob(state.of(RecordingState).cut).run(loaded_of(opened), bool))
     assert not list(tmp_path.iterdir())
     assert not [thread for thread in threading.enumerate() if thread.name == "cutting"]
 
@@ -157,29 +158,31 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
         with served() as viewer:
             async with Browser.open(viewer.port, tab=81) as browser:
                 await browser.until_shown("Reconstruction of window 0")
+                await browser.use(browser.widget("channel"), "pick|tab:recording|0|0|1")
+                await browser.until_shown("From here")
                 await story(viewer, browser)
 
     async def story(viewer, browser):
         say = lambda text: browser.use(browser.widget("channel"), press(text))  # noqa: E731
-        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
+        asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == TRIM_SLOT]  # noqa: E731
         assert "Cut and download" not in browser.html()
-        await say("source:from")
-        await browser.until_shown("0.150 s … ")
+        await say("recording:from")
+        await browser.until_shown("0.000 s … ")
         await browser.use(browser.widget("Window"), 20)
-        await browser.until_shown("window 20 of 30")
-        await say("source:to")
-        await browser.until_shown("0.150 s … 0.210 s, ")
-        await say("source:cut")
+        await browser.until_shown("window 20 of 0 – 29")
+        await say("recording:to")
+        await browser.until_shown("0.000 s … 0.210 s, ")
+        await say("recording:trim")
         await browser.until_shown("being cut out, 0%")
         await browser.until(lambda: asked() and asked()[-1] is not None)
         job = asked()[-1]
         found = list(job.run(loaded_of(viewer.shelf.recordings["a"]), bool))[-1][0]
-        viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
+        viewer.engine.tell(TRIM_SLOT, JobResult(job, found, 1.0, is_whole=True))
         await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
         sent = [message["content"] for _, kind, message in browser.arrivals if kind == "FileTransferPart"]
         assert b"".join(sent) == found.content
         await browser.until_shown("Cut and download")
-        assert isinstance(found, Made)
+        assert isinstance(found, Download)
 
     asyncio.run(run())
 
@@ -189,11 +192,11 @@ def test_a_cut_that_failed_says_why_and_another_mark_takes_it_away():
     state, windows = marked(opened, BetweenFrames(), 3, 7)
     moment = Moment("a", BetweenFrames(), 7, opened, windows)
     html = excerpt_html(
-        moment, state.of(RecordingState), JobResult(Cutting(state.of(RecordingState).cut), trouble="no <space>")
+        moment, state.of(RecordingState), JobResult(TrimJob(state.of(RecordingState).cut), trouble="no <space>")
     )
     assert "no &lt;space&gt;" in html
     assert "From here" in html
     state = reduce(state, MarkTrim("to"), Limits(SENSOR, windows))
     assert "no &lt;space" not in excerpt_html(moment, state.of(RecordingState), None)
-    for word in ("from", "to", "cut", "leave"):
-        assert parse(press(f"source:{word}")) is not None
+    for word in ("from", "to", "trim", "drop"):
+        assert parse(press(f"recording:{word}"), VIEWS) is not None
