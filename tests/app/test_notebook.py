@@ -29,7 +29,7 @@ def test_a_notebook_gets_the_page_and_the_arrays_of_what_it_shows():
 
         async def look():
             async with Browser.open(int(shown_in.url.rsplit(":", 1)[1]), tab=1) as browser:
-                await browser.until_shown("Reconstruction of window 20", 60)
+                await browser.until_shown("Reconstruction of window 0", 60)
                 await browser.use(browser.widget("Window"), 2)
                 await browser.until(lambda: shown_in.shown.window.index == 2 and shown_in.shown.frame is not None, 60)
                 return shown_in.shown

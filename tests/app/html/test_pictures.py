@@ -5,7 +5,8 @@ import pytest
 
 from app.engine.requests import Failed, Ready, Working
 from app.html import pictures
-from app.html.attention.maps import AttentionLook
+from app.html.attention.look import AttentionLook
+from app.html.attention.maps import attention_image
 from app.html.cloud import event_cloud
 from app.html.moment import ARRAYS, PICTURES, Moment
 from app.html.pictures import (
@@ -21,13 +22,17 @@ from app.html.tones import Tones
 from app.html.units import seconds
 from app.state.view_state import ViewState
 from app.views.attention.html import grid
-from app.views.attention.html.grid import attention_html, attention_image, sites_behind
+from app.views.attention.html.grid import attention_html, site_html
+from app.views.attention.state import AttentionState, look_in, look_of
 from app.views.demo.state import DemoState
-from app.views.inspect.state import InspectState
+from app.views.events.state import EventsState
 from app.views.page import Page
-from app.views.reconstruction.panel import reconstruction as reconstruction_panel
-from app.views.scene.scene import picture_of
-from app.views.timeline.html import curve_of, now_html, timeline_html, timeline_key_html
+from app.views.reconstruction.html import reconstruction_of
+from app.views.reconstruction.state import ReconstructionState
+from app.views.scene.scene import picture_of, sites_behind
+from app.views.scene.state import SceneState
+from app.html.timeline_marks import curve_of, place_of
+from app.views.timeline.html import now_html, timeline_html, timeline_key_html
 from app.views.voxels.html import voxel_html
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, recording_of_events
@@ -77,7 +82,7 @@ TONES = Tones()
 
 def test_the_curve_of_a_plan_that_grows_grows_with_it(recording):
     windows = plan_windows(recording, POLICY)
-    part, whole = (Moment("film", POLICY, 1, recording, some) for some in (windows[:3], windows))
+    part, whole = (Moment("growing", POLICY, 1, recording, some) for some in (windows[:3], windows))
     assert curve_of(part).indices[-1] == 2
     assert curve_of(whole).indices[-1] == len(windows) - 1
     assert timeline_html(part) != timeline_html(whole)
@@ -115,20 +120,31 @@ def test_where_every_image_is_waited_for_the_one_on_show_is_not_dimmed_while_it_
     for is_playing, waits, lags in ((True, True, False), (True, False, True), (False, True, True)):
         page = Page(ViewState(index=at, is_playing=is_playing, waits_for_frames=waits), ready=ready)
         assert page.lags is lags
-        assert ("et-lags" in reconstruction_panel(page)) is lags
-        assert ("computing" in reconstruction_panel(page)) is lags
+        assert ("et-lags" in reconstruction_of(page)) is lags
+        assert ("computing" in reconstruction_of(page)) is lags
+
+
+def test_the_scenes_plane_carries_what_the_page_is_about(moment, ready):
+    grey = np.repeat(reconstruction_image(ready, TONES)[..., None], 3, axis=2)
+    asked = ViewState(index=4, query=LOOK.query)
+    for workspace in ("inspect", "recording"):
+        page = Page(replace(asked, workspace=workspace), moment, ready)
+        assert np.array_equal(picture_of(page, False)[1], grey)
+    about = Page(replace(asked, workspace="attention"), moment, ready)
+    assert np.array_equal(picture_of(about, False)[1], attention_image(ready, look_of(about), AttentionState().site))
+    assert picture_of(Page(asked, moment), False) == (None, None)
 
 
 def test_on_a_phone_the_demos_scene_shows_what_is_spoken_of(moment, ready):
     pages = {
-        act: Page(ViewState(workspace="demo", index=4, show=DemoState(True, act)), moment, ready, look=look)
-        for act, look in (("events", None), ("image", None), ("places", LOOK))
+        act: Page(ViewState(workspace="demo", index=4, query=query).put(DemoState(act)), moment, ready)
+        for act, query in (("events", None), ("image", None), ("places", LOOK.query))
     }
-    events, _ = event_picture(moment, ViewState().event_image)
+    events, _ = event_picture(moment, EventsState().event_image)
     grey = np.repeat(reconstruction_image(ready, TONES)[..., None], 3, axis=2)
     assert np.array_equal(picture_of(pages["events"], True)[1], events)
     assert np.array_equal(picture_of(pages["image"], True)[1], grey)
-    places = attention_image(ready, LOOK, ViewState().site)
+    places = attention_image(ready, look_of(pages["places"]), AttentionState().site)
     assert np.array_equal(picture_of(pages["places"], True)[1], places)
     assert all(np.array_equal(picture_of(page, False)[1], grey) for page in pages.values())
 
@@ -154,7 +170,7 @@ def test_an_error_is_shown_as_text_and_never_as_markup():
 
 def test_a_hostile_file_name_stays_text(moment, ready):
     page = Checker(provenance_html(moment, ModelFacts(EVIL), ready, 100.0))
-    assert page.text.count("onerror") == 2
+    assert page.text.count("onerror") == 1
     assert not any(tag == "img" for tag, _ in page.tags)
 
 
@@ -164,7 +180,7 @@ def test_the_camera_frame_is_the_nearest_one(moment):
     assert abs(stamp - moment.window.t_stop) <= 10_000
     page = Checker(camera_frame_html(moment, tones=TONES))
     assert page.keys == ["pixel"]
-    assert "this window ends" in page.text
+    assert "window end" in page.text
 
 
 def test_a_recording_without_a_camera_says_so():
@@ -187,14 +203,14 @@ def test_the_event_image_counts_both_polarities(moment, style_name):
 
 def test_voxel_tiles_are_five_in_a_row_with_a_legend_in_numbers(moment):
     page = Checker(voxel_html(moment))
-    assert page.keys == [f"bin:{i}" for i in range(5)]
+    assert page.keys == [f"set:voxels.voxel_bin:{i}" for i in range(5)]
     assert "≥ +" in page.text
     assert "38–62 %" in page.text
 
 
 def test_an_opened_bin_is_shown_large_and_can_be_closed(moment):
     page = Checker(voxel_html(moment, 2))
-    assert page.keys[-1] == "bin:"
+    assert page.keys[-1] == "set:voxels.voxel_bin:none"
     images = [attrs for tag, attrs in page.tags if tag == "img"]
     assert images[-1]["width"] == "50"
 
@@ -219,12 +235,12 @@ def test_an_empty_window_explains_itself():
 
 def test_the_attention_grid_has_every_site_once_in_its_row_and_column(ready):
     page = Checker(attention_html(ready, LOOK))
-    assert sorted(page.keys) == sorted(f"site:{name}" for name in ready.attention.sites)
+    assert sorted(page.keys) == sorted(f"attention:site:{name}" for name in ready.attention.sites)
     for name in ready.attention.sites:
         assert len(page.by_testid(name)) == 1
-    assert "1/4 reads 1/8" in page.text
-    assert "1/8 reads 1/8" in page.text
-    assert "What pixel (20, 30) reads" in page.text
+    assert page.text.count("reads 1/8 ≈") == 2  # 1/4 reads the coarser scale, 1/8 itself
+    assert "reads 1/4 ≈" in page.text
+    assert "What pixel (20, 30) attends to" in page.text
     assert "1/4 ×" in page.text
     assert "32 ×" in page.text
 
@@ -240,14 +256,18 @@ def test_the_query_is_marked_on_every_map_at_its_token(ready):
     }
 
 
-def test_an_opened_site_shows_its_heads_and_the_large_map_in_sensor_pixels(ready):
+def test_a_chosen_site_shows_its_heads_and_the_large_map_in_sensor_pixels(ready):
     name = "scale2.decoder.0.cross"
-    page = Checker(attention_html(ready, LOOK, opened=name))
+    title, html = site_html(ready, LOOK, name)
+    page = Checker(html)
     heads = ready.attention.queries[name].shape[0]
-    assert page.keys == ["heads:close", "head:mean", "pixel", *[f"head:{i}" for i in range(heads)]]
-    assert "cross-attention: 1/4 reads 1/8" in page.text
+    assert page.keys == ["pixel", *[f"set:attention.head:{i}" for i in range(heads)]]
+    assert "cross-attention: 1/4 reads 1/8" in title
     large = next(attrs for tag, attrs in page.tags if tag == "img" and attrs["data-k"] == "pixel")
     assert (large["width"], large["height"]) == ("50", "37")
+    one = Checker(site_html(ready, replace(LOOK, head=1), name)[1])
+    assert "set:attention.head:none" in one.keys
+    assert "No such site" in site_html(ready, LOOK, "scale9.encoder.0.self")[1]
 
 
 @pytest.mark.parametrize(
@@ -258,6 +278,7 @@ def test_missing_attention_explains_itself(ready, look, has_attention, says):
     attention = ready.attention if has_attention else None
     other = Ready(ready.request, ready.frame, attention, 1.0, True, False, False, ready.contract, 4)
     assert says in Checker(attention_html(other, look)).text
+    assert says in Checker(site_html(other, look, "scale2.decoder.0.cross")[1]).text
 
 
 def test_the_attention_image_is_the_networks_own_row(ready):
@@ -267,13 +288,14 @@ def test_the_attention_image_is_the_networks_own_row(ready):
     assert attention_image(ready, LOOK, "scale9.encoder.0.self") is None
 
 
-def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(ready):
-    behind, asked = sites_behind, ViewState().put(InspectState(shows_planes=True))
-    state = replace(asked, site="scale2.encoder.0.self")
-    assert behind(ready, LOOK, state) == tuple(f"scale{scale}.encoder.0.self" for scale in (1, 2, 3))
-    for unseen in (ViewState(), replace(asked, camera="front"), replace(asked, workspace="demo")):
-        assert behind(ready, LOOK, unseen) == ()
-    assert behind(replace(ready, attention=None), LOOK, state) == behind(ready, None, state) == ()
+def test_the_planes_behind_the_frame_are_the_same_layers_maps_finest_first(moment, ready):
+    asked = ViewState(query=LOOK.query).put(AttentionState(site="scale2.encoder.0.self", shows_planes=True))
+    page = Page(asked, moment, ready)
+    assert sites_behind(page) == tuple(f"scale{scale}.encoder.0.self" for scale in (1, 2, 3))
+    unseen = (asked.put(AttentionState()), asked.put(SceneState(camera="front")), replace(asked, query=None))
+    assert all(sites_behind(replace(page, state=state)) == () for state in unseen)
+    assert sites_behind(replace(page, ready=replace(ready, attention=None))) == ()
+    assert sites_behind(replace(page, ready=None)) == ()
 
 
 def test_attention_that_tells_little_says_so(ready, monkeypatch):
@@ -289,38 +311,45 @@ def test_one_head_and_the_mean_differ_in_their_pictures(ready):
     first = AttentionLook((20, 30), head=0)
     rows = ready.attention.rows(name, [ready.attention.grid.token_at(20, 30)])[:, 0].numpy()
     assert not np.allclose(rows[0], rows.mean(0))
-    html = [attention_html(ready, look, opened=name) for look in (LOOK, first)]
+    html = [site_html(ready, look, name)[1] for look in (LOOK, first)]
     assert "mean of all heads" in html[0]
     assert "head 1</span>" in html[1]
+    assert html[0] != html[1]
 
 
-def test_the_timeline_runs_over_windows_as_the_slider_does(moment):
+def test_on_the_timeline_everything_stands_where_it_is_in_time(moment):
     cached = type("Cached", (), {"frames": (range(2, 4),), "states": (range(6),)})()
     page = Checker(timeline_html(moment, cached))
-    assert page.keys == ["time"]
-    boxes = [attrs for tag, attrs in page.tags if tag == "rect"]
-    unit = 1000 / 11
-    assert [(float(b["x"]), float(b["width"])) for b in boxes] == [
-        pytest.approx((-0.5 * unit, 6 * unit), abs=0.1),
-        pytest.approx((1.5 * unit, 2 * unit), abs=0.1),
-    ]
-    assert any(f"left:{4 / 11:.3%}" in attrs.get("style", "") for _, attrs in page.tags)
+    assert page.keys == [f"span:0,{moment.recording.span.duration / 1e6:.6f}"]
+    boxes = [(float(b["x"]), float(b["x"]) + float(b["width"])) for tag, b in page.tags if tag == "rect"]
+    place = lambda index, end: place_of(moment, getattr(moment.windows[index], end))  # noqa: E731
+    for first, last in ((4, 4), (0, 5), (2, 3)):
+        ends = place(first, "t_start"), place(last, "t_stop")
+        assert any(box == pytest.approx(ends, abs=0.2) for box in boxes), (first, last, boxes)
+    head = f"--x:{place(4, 't_stop') / 1000:.3%}"
+    assert any(head in attrs.get("style", "") for _, attrs in page.tags)
+    span = moment.recording.span
+    assert [place_of(moment, t) for t in (span.start - 9, span.start, span.stop, span.stop + 9)] == [0, 0, 1000, 1000]
 
 
 def test_the_moment_is_told_in_numbers(moment):
     page = Checker(now_html(moment))
-    assert "window 4 of 0 – 11" in page.text
+    assert "window 4 " in page.text
+    assert "of 0 – 11" in page.text
     assert "50 events" in page.text
     assert f"{moment.seconds[1]:.3f} s" in page.text
     Checker(timeline_key_html(moment))
 
 
-def test_provenance_names_everything(moment, ready):
+def test_provenance_names_what_the_picture_was_made_of_and_by(moment, ready):
     facts = ModelFacts("etnet-half, first weights", (0.1, 1.0))
     page = Checker(provenance_html(moment, facts, ready, 210.0))
-    for said in ("50×37 px", "every 50 events", "etnet-half, first weights", "fp32, cpu", "210 ms", "warm", "exact"):
+    for said in ("50×37", "every 50 events", "etnet-half, first weights", "fp32", "210 ms a step", "state warm", "ev/px"):
         assert said in page.text
     assert "fewer than trained on" in page.text  # 50 events on 1850 pixels
+    assert any("1 thread" in attrs.get("title", "") or "threads" in attrs.get("title", "") for _, attrs in page.tags)
+    preview = replace(ready, is_exact=False, is_approximate=True, num_warm=5)
+    assert "cold start 5 windows ago" in Checker(provenance_html(moment, facts, preview, None)).text
 
 
 def test_the_cloud_is_thinned_evenly_and_newest_events_have_age_zero(moment):
@@ -347,11 +376,14 @@ def test_another_moment_is_another_picture(moment):
 
 
 def test_looks_follow_the_view_state():
-    state = ViewState(query=(3, 4), head=2, overlay=0.5, map_range="per map", tone="robust")
-    look = AttentionLook.of(state, False)
+    chosen = AttentionState(head=2, overlay=0.5, map_range="per map", direction="read by")
+    state = ViewState(query=(3, 4)).put(chosen, ReconstructionState("robust"))
+    look = look_in(state, False)
     assert (look.query, look.head, look.opacity, look.map_range) == ((3, 4), 2, 0.5, "per map")
     assert look.tones == Tones("robust", False)
-    assert AttentionLook.of(ViewState(), True) is None
+    assert look.direction == "reads"  # who reads a place is shown of one site alone
+    assert look_in(state.put(replace(chosen, opens_heads=True)), False).direction == "read by"
+    assert look_in(ViewState(), True) is None
 
 
 @pytest.mark.parametrize(

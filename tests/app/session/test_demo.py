@@ -229,15 +229,18 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
     async def story(viewer, browser):
         placings = lambda: sum(kind == "SetCameraPositionMessage" for _, kind, _ in browser.arrivals)  # noqa: E731
         await browser.until_shown("Reconstruction of window")
-        await browser.use(browser.widget("channel"), "touch|1")
-        await browser.until(lambda: 'data-etv-public="none"' in browser.html())
+        channel = browser.widget("channel")
+        assert placings() == 0, "the demo has no scene"
+        await browser.use(channel, "pick|workspace:attention|0|0|1")
         await browser.until(lambda: placings() > 0)
         before = placings()
         await browser.turn(aspect, (3, 1, -4))
         await asyncio.sleep(0.5)
-        assert placings() == before, "while he looks, the camera is his"
+        assert placings() == before, "while a visitor looks, the camera is theirs"
         monkeypatch.setattr(demo, "IDLE", 0.5)
-        await browser.until(lambda: 'data-etv-public="events"' in browser.html())
+        await browser.until(lambda: 'data-etv-workspace="demo"' in browser.html(), 10)
+        monkeypatch.setattr(demo, "IDLE", 1e9)
+        await browser.use(channel, "pick|workspace:attention|0|0|2")
         await browser.until(lambda: placings() > before)
 
     run(story, view=public_view, aspect=aspect)

@@ -60,6 +60,7 @@ def story(viewer, tell, tab=41):
     async def run():
         async with Browser.open(viewer.port, tab=tab) as browser:
             await browser.until_shown("Reconstruction of window 0")
+            await browser.use(browser.widget("channel"), "pick|tab:recording|0|0|1")
             return await tell(browser, ticket_of(browser))
 
     return asyncio.run(run())
