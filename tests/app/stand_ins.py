@@ -25,6 +25,7 @@ from app.engine.engine import EngineStatus
 from app.engine.requests import Failed, Ready, Working
 from app.session.session import Session
 from app.state.view_state import ViewState
+from app.views import VIEWS
 from app.web.server import Address, free_port, start_server
 from app.web.upload_endpoint import PATH, UploadEndpoint
 from etnet.errors import RecordingError
@@ -156,7 +157,7 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(view=lambda default: default, most_visitors=None, limits=None):
+def served(view=lambda default: default, most_visitors=None, limits=None, views=VIEWS):
     shelf, engine, sessions = Shelf(), InstantEngine(), {}
     default = view(ViewState(recording_id="a", model_id="m", precision="fp32"))
 
@@ -164,7 +165,7 @@ def served(view=lambda default: default, most_visitors=None, limits=None):
 
     def visit(client):
         own_files = None if uploads is None else uploads.desk()
-        sessions[client.client_id] = Session(client, VisitorCatalogue(shelf, own_files), engine, default, own_files)
+        sessions[client.client_id] = Session(client, VisitorCatalogue(shelf, own_files), engine, default, own_files, views)
         return sessions[client.client_id]
 
     doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}
