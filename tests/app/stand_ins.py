@@ -165,7 +165,9 @@ def served(view=lambda default: default, most_visitors=None, limits=None, views=
 
     def visit(client):
         own_files = None if uploads is None else uploads.desk()
-        sessions[client.client_id] = Session(client, VisitorCatalogue(shelf, own_files), engine, default, own_files, views)
+        sessions[client.client_id] = Session(
+            client, VisitorCatalogue(shelf, own_files), engine, default, own_files, views
+        )
         return sessions[client.client_id]
 
     doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}
@@ -277,13 +279,13 @@ class Browser:
         """What a visitor reads."""
         return re.sub(r"<[^>]+>", "", self.html())
 
-    async def until(self, condition, patience=3.0):
+    async def until(self, condition, patience=15.0):
         ends = time.monotonic() + patience
         while not condition():
             assert time.monotonic() < ends, self.html()[-3000:]
             await asyncio.sleep(0.01)
 
-    async def until_shown(self, text, patience=3.0):
+    async def until_shown(self, text, patience=15.0):
         await self.until(lambda: text in self.html() or text in self.words(), patience)
 
 

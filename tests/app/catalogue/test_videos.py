@@ -1,4 +1,4 @@
-"""Videos as recordings: one simulation for each setting, made for as long as somebody looks, and never in anybody's way."""
+"""Videos as recordings: one simulation for each setting, made while somebody looks, and in nobody's way."""
 
 import time
 
@@ -22,10 +22,9 @@ from etnet.playback.playback import Playback
 from etnet.simulation.growing import FEWEST_FRAMES
 from etnet.windows import BetweenFrames, ByCount, plan_windows
 from tests.app.fakes import CountingModel, Shelf
+from tests.app.reducing import reduce
 from tests.simulation.test_growing import stepped, video  # noqa: F401
 from tests.simulation.test_video import drifting, write
-
-from tests.app.reducing import reduce
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from app.engine.playbacks import KEPT_PLAYBACKS
 from app.engine.requests import Failed, Ready, Working
 from etnet.nets.intervention import Intervention
 from etnet.windows import ByDuration
-
 from tests.app.fakes import Inbox, hold, recording_of, request, sequential
 
 

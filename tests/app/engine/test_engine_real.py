@@ -12,9 +12,8 @@ from etnet.nets.attention import AttentionProbe
 from etnet.nets.presets import build_model
 from etnet.reconstruction import window_voxel
 from etnet.windows import plan_windows
-from tests.real_data import real_file
-
 from tests.app.fakes import Inbox
+from tests.real_data import real_file
 
 pytestmark = pytest.mark.real
 

@@ -10,7 +10,6 @@ from app.engine.jobs import JobResult, num_bytes
 from app.engine.requests import FrameRequest
 from app.session.jobs import JobNews, VisitorJobs
 from etnet.errors import ModelError
-
 from tests.app.fakes import Inbox, Notes, Shelf, hold, request
 
 LOG: list[tuple[str, int]] = []

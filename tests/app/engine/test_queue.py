@@ -1,5 +1,4 @@
 from app.engine.queue import RequestQueue
-
 from tests.app.fakes import request
 
 

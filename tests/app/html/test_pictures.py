@@ -18,6 +18,7 @@ from app.html.pictures import (
     reconstruction_image,
 )
 from app.html.provenance import ModelFacts, provenance_html
+from app.html.timeline_marks import curve_of, place_of
 from app.html.tones import Tones
 from app.html.units import seconds
 from app.state.view_state import ViewState
@@ -31,7 +32,6 @@ from app.views.reconstruction.html import reconstruction_of
 from app.views.reconstruction.state import ReconstructionState
 from app.views.scene.scene import picture_of, sites_behind
 from app.views.scene.state import SceneState
-from app.html.timeline_marks import curve_of, place_of
 from app.views.timeline.html import now_html, timeline_html, timeline_key_html
 from app.views.voxels.html import voxel_html
 from etnet.events.events import Events, Sensor
@@ -41,7 +41,6 @@ from etnet.nets.presets import build_model
 from etnet.nets.runtime import contract_of
 from etnet.playback.playback import Playback
 from etnet.windows import ByDuration, plan_windows
-
 from tests.app.checked_html import Checker
 from tests.app.fakes import POLICY, recording_of, request
 
@@ -344,7 +343,15 @@ def test_the_moment_is_told_in_numbers(moment):
 def test_provenance_names_what_the_picture_was_made_of_and_by(moment, ready):
     facts = ModelFacts("etnet-half, first weights", (0.1, 1.0))
     page = Checker(provenance_html(moment, facts, ready, 210.0))
-    for said in ("50×37", "every 50 events", "etnet-half, first weights", "fp32", "210 ms a step", "state warm", "ev/px"):
+    for said in (
+        "50×37",
+        "every 50 events",
+        "etnet-half, first weights",
+        "fp32",
+        "210 ms a step",
+        "state warm",
+        "ev/px",
+    ):
         assert said in page.text
     assert "fewer than trained on" in page.text  # 50 events on 1850 pixels
     assert any("1 thread" in attrs.get("title", "") or "threads" in attrs.get("title", "") for _, attrs in page.tags)

@@ -1,4 +1,4 @@
-"""The demo that leads itself, and what a visitor may do in it: the pure parts, and visits by a websocket that plays a browser."""
+"""The demo that leads itself, and what a visitor may do in it: the pure parts, and visits by a websocket."""
 
 import asyncio
 from dataclasses import replace
@@ -28,12 +28,11 @@ from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
 from app.views.demo.state import PointAt
 from app.views.export.state import StartExport
-from app.views.inspect.state import InspectState, Switch
+from app.views.inspect.state import Switch
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDuration, Window
-from tests.app.stand_ins import Browser, served
-
 from tests.app.reducing import from_link, reduce
+from tests.app.stand_ins import Browser, served
 
 OPEN = Limits(Sensor(40, 30), [Window(i, i * 10, i * 10 + 10, i * 1000, i * 1000 + 1000) for i in range(30)])
 

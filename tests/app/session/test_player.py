@@ -10,7 +10,6 @@ from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from etnet.events.events import Sensor
 from etnet.windows import Window
-
 from tests.app.reducing import reduce
 
 

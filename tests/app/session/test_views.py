@@ -1,4 +1,4 @@
-"""A view is one value of a list: what is in the list appears, is asked, kept and linked; what is hidden costs nothing."""
+"""A view is one value of a list: what is in it appears, is asked, kept and linked; what is hidden costs nothing."""
 
 import asyncio
 from collections import Counter
@@ -270,7 +270,9 @@ def test_each_open_card_stands_in_one_place_and_no_two_in_one(more, workspace, t
     assert set(places) <= set(names)
     assert set(places.values()) <= {"a", "b", "s1", "s2", "s3", "s4"}
     on_stage = sum(place in ("a", "b") for place in places.values())
-    assert on_stage == min(2, sum(workspace in card_.stage for view in open_views(state, views) for card_ in view.cards))
+    assert on_stage == min(
+        2, sum(workspace in card_.stage for view in open_views(state, views) for card_ in view.cards)
+    )
     assert len(places) == on_stage + min(4, len(names) - on_stage)  # beyond the shelf's end there is no place
 
 

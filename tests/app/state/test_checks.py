@@ -75,7 +75,19 @@ def test_whatever_a_field_is_set_to_its_slice_stays_sound(view, field, value, is
     assert state.of(InspectState).change == NO_CHANGE
 
 
-AWKWARD = (10**400, -(10**400), float("nan"), float("inf"), 2**63, "\ud800", "x" * 10_000, [[]], {"kind": []}, {1: 2}, b"")
+AWKWARD = (
+    10**400,
+    -(10**400),
+    float("nan"),
+    float("inf"),
+    2**63,
+    "\ud800",
+    "x" * 10_000,
+    [[]],
+    {"kind": []},
+    {1: 2},
+    b"",
+)
 
 
 @pytest.mark.parametrize("value", AWKWARD, ids=lambda value: str(type(value).__name__))
@@ -176,14 +188,17 @@ def test_a_run_that_is_not_there_is_not_the_chosen_one_whoever_says_so():
 
 
 HEARD = st.sampled_from(["pick", "key", "copied", "touch", "hello", "size", "link", ""])
-KEYS = st.sampled_from(
-    ["pixel", "cut", "at", "span", "goto", "open", "remove", "workspace", "tab", "stage", "set", "help"]
-) | VIEW_KEYS
+KEYS = (
+    st.sampled_from(
+        ["pixel", "cut", "at", "span", "goto", "open", "remove", "workspace", "tab", "stage", "set", "help"]
+    )
+    | VIEW_KEYS
+)
+VERBS = st.sampled_from(["pin:a", "edit:drop", "switch", "remove", "choose", "camera"])
 PARTS = st.lists(
     st.sampled_from(WORDS) | st.text(max_size=9) | st.builds("{}:{}".format, KEYS, st.text(max_size=9))
     | st.builds("set:{}.{}:{}".format, VIEW_KEYS, FIELD_KEYS, st.sampled_from(WORDS))
-    | st.builds("{}:{}:{}".format, KEYS, st.sampled_from(["pin:a", "edit:drop", "switch", "remove", "choose", "camera"]),
-                st.sampled_from(WORDS) | st.text(max_size=9)),
+    | st.builds("{}:{}:{}".format, KEYS, VERBS, st.sampled_from(WORDS) | st.text(max_size=9)),
     max_size=6,
 )  # fmt: skip
 

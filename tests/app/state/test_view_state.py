@@ -21,7 +21,6 @@ from app.views.voxels.state import VoxelsState
 from etnet.events.denoise import Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window
-
 from tests.app.reducing import from_text, reduce
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
@@ -34,7 +33,22 @@ POLICIES = st.one_of(
 )
 HUGE = st.just(10**400) | st.just(-(10**400)) | st.just("\ud800") | st.lists(st.none(), max_size=3)
 WORDS = st.sampled_from(
-    ["none", "True", "0", "3", "0.5", "wipe", "error", "ssim", "evreal", "reads", "per map", "cell", "time surface", "hdr"]
+    [
+        "none",
+        "True",
+        "0",
+        "3",
+        "0.5",
+        "wipe",
+        "error",
+        "ssim",
+        "evreal",
+        "reads",
+        "per map",
+        "cell",
+        "time surface",
+        "hdr",
+    ]
 )
 ANYTHING = st.none() | st.booleans() | ANY_INT | ANY_FLOAT | st.text(max_size=9) | POLICIES | st.builds(Cleaning) | HUGE
 COMPARISONS = st.one_of(

@@ -23,7 +23,6 @@ from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
 from etnet.reconstruction import reconstruct
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration
-
 from tests.app.fakes import Inbox, Notes, recording_of
 from tests.evaluation.recordings import made_up
 from tests.real_data import real_file

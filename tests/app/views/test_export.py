@@ -35,10 +35,9 @@ from etnet.export.video import write_gif, write_video
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import contract_of
 from etnet.windows import BetweenFrames
+from tests.app.reducing import reduce
 from tests.app.stand_ins import Browser, served
 from tests.export.recordings_made_up import NUM_WINDOWS, made_up_take
-
-from tests.app.reducing import reduce
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=3, query=(9, 7))
 
@@ -221,7 +220,7 @@ def test_a_visitor_makes_a_file_cancels_it_makes_it_again_and_gets_it():
         await browser.use(browser.widget("Export"), True)
         await browser.until(lambda: asked() and asked()[-1] is not None)
         assert asked()[-1].order.wanted.format == "csv"
-        await browser.until_shown("being made, 0%")
+        await browser.until_shown(", 0%")
         await browser.use(browser.widget("Cancel"), True)
         await browser.until(lambda: asked()[-1] is None)
         await browser.use(browser.widget("Export"), True)

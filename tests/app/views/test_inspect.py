@@ -32,10 +32,9 @@ from etnet.events.edit import EventEdit
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
-from tests.inspection.small import SENSOR, small_playback
-
 from tests.app.checked_html import Checker
 from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
+from tests.inspection.small import SENSOR, small_playback
 
 
 @pytest.fixture(scope="module")

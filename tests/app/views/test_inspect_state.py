@@ -34,11 +34,10 @@ from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
 from etnet.playback.playback import Playback
 from etnet.windows import plan_windows
-from tests.inspection.small import small_playback
-
 from tests.app.fakes import Inbox, Shelf
-from tests.app.small_loaded import NONSENSE, PARTS, POLICY, QUERY, SITE, loaded_of, request_of
 from tests.app.reducing import from_text, reduce
+from tests.app.small_loaded import NONSENSE, PARTS, POLICY, QUERY, SITE, loaded_of, request_of
+from tests.inspection.small import small_playback
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -27,9 +27,8 @@ from etnet.events.events import Events
 from etnet.events.examine import examine, look_through
 from etnet.events.recording import Remark, recording_of_events
 from etnet.windows import BetweenFrames, ByCount, plan_windows
-from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
-
 from tests.app.reducing import from_text, reduce
+from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
 
 EXAMINE = ask.Set("recording", "examines", True)
 CLOSE = ask.Set("recording", "examines", False)
@@ -145,19 +144,16 @@ def visit(story, tab):
     asyncio.run(run())
 
 
-def test_a_visitor_opens_the_page_waits_and_closes_it():
+def test_a_visitor_opens_the_workspace_waits_and_hides_the_statistics():
     async def story(viewer, browser):
         asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == SLOT]  # noqa: E731
         assert not asked()
         await browser.use(browser.widget("channel"), press("workspace:recording"))
-        await browser.until_shown("set:recording.examines:True")
-        assert not asked()
-        await browser.use(browser.widget("channel"), press("set:recording.examines:True"))
-        await browser.until_shown("looking it through, 0%")
+        await browser.until_shown(", 0%")
         await browser.until(asked)
         job = asked()[-1]
         viewer.engine.tell(SLOT, JobResult(job, None, 0.4))
-        await browser.until_shown("looking it through, 40%")
+        await browser.until_shown(", 40%")
         found = list(look_through(viewer.shelf.recordings["a"]))[-1][0]
         viewer.engine.tell(SLOT, JobResult(job, found, 1.0, is_whole=True))
         await browser.until_shown("<dt>Polarity</dt>")
@@ -165,6 +161,10 @@ def test_a_visitor_opens_the_page_waits_and_closes_it():
         await browser.use(browser.widget("channel"), press("set:recording.examines:False"))
         await browser.until(lambda: asked()[-1] is None)
         await browser.until_shown("set:recording.examines:True")
+        await browser.use(browser.widget("channel"), press("set:recording.examines:True"))
+        await browser.until(lambda: asked()[-1] is not None)
+        await browser.use(browser.widget("channel"), press("workspace:inspect"))
+        await browser.until(lambda: asked()[-1] is None)
 
     visit(story, 71)
 

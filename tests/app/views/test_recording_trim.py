@@ -29,11 +29,10 @@ from app.views.recording.state import TRIM_SLOT, DropTrim, MarkTrim, RecordingSt
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
 from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.reducing import from_text, reduce
 from tests.app.stand_ins import SENSOR, Browser, recording, served
 from tests.events.containers import assert_same_events
 from tests.real_data import real_file
-
-from tests.app.reducing import from_text, reduce
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames())
 
@@ -159,13 +158,13 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
             async with Browser.open(viewer.port, tab=81) as browser:
                 await browser.until_shown("Reconstruction of window 0")
                 await browser.use(browser.widget("channel"), "pick|tab:recording|0|0|1")
-                await browser.until_shown("From here")
+                await browser.until_shown("recording:from")
                 await story(viewer, browser)
 
     async def story(viewer, browser):
         say = lambda text: browser.use(browser.widget("channel"), press(text))  # noqa: E731
         asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == TRIM_SLOT]  # noqa: E731
-        assert "Cut and download" not in browser.html()
+        assert "recording:trim" not in browser.html()
         await say("recording:from")
         await browser.until_shown("0.000 s … ")
         await browser.use(browser.widget("Window"), 20)
@@ -173,7 +172,7 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
         await say("recording:to")
         await browser.until_shown("0.000 s … 0.210 s, ")
         await say("recording:trim")
-        await browser.until_shown("being cut out, 0%")
+        await browser.until_shown("recording:drop")
         await browser.until(lambda: asked() and asked()[-1] is not None)
         job = asked()[-1]
         found = list(job.run(loaded_of(viewer.shelf.recordings["a"]), bool))[-1][0]
@@ -181,7 +180,7 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
         await browser.until(lambda: any(kind == "FileTransferPart" for _, kind, _ in browser.arrivals))
         sent = [message["content"] for _, kind, message in browser.arrivals if kind == "FileTransferPart"]
         assert b"".join(sent) == found.content
-        await browser.until_shown("Cut and download")
+        await browser.until_shown("recording:trim")
         assert isinstance(found, Download)
 
     asyncio.run(run())
@@ -195,7 +194,7 @@ def test_a_cut_that_failed_says_why_and_another_mark_takes_it_away():
         moment, state.of(RecordingState), JobResult(TrimJob(state.of(RecordingState).cut), trouble="no <space>")
     )
     assert "no &lt;space&gt;" in html
-    assert "From here" in html
+    assert "recording:from" in html
     state = reduce(state, MarkTrim("to"), Limits(SENSOR, windows))
     assert "no &lt;space" not in excerpt_html(moment, state.of(RecordingState), None)
     for word in ("from", "to", "trim", "drop"):
