@@ -101,7 +101,7 @@ def test_a_page_with_a_part_says_so_and_shows_the_whole_by_itself_at_the_same_wi
         async with Browser.open(running.port) as browser:
             await browser.until_shown("only its beginning: 41 % of the file indexed")
             await browser.use(browser.widget("Window"), 3)
-            await browser.until_shown("window 3 of 0 – 5")
+            await browser.until_shown("window 3 of 0 – 4")
             part.growth.share = 0.73
             await browser.until_shown("73 % of the file indexed")
             part.growth.share, part.growth.is_over = 1.0, True
@@ -132,7 +132,7 @@ def test_a_part_that_cannot_become_whole_stays_and_is_told_once(growing):
             part.growth.is_over = True
             await browser.until(lambda: browser.notices != [])
             await browser.use(browser.widget("Window"), 2)
-            await browser.until_shown("window 2 of 0 – 5")
+            await browser.until_shown("window 2 of 0 – 4")
             await asyncio.sleep(1.5)
             return [notice["body"] for notice in browser.notices]
 
