@@ -7,8 +7,8 @@ from typing import Any
 
 from app.engine.requests import Reply
 from app.session.jobs import JobNews
-from app.session.lanes import LanePlanned, LaneReply
 from app.session.opening import Opened, Opening, Unopened
+from app.session.runs import RunPlanned, RunReply
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,6 @@ class Closed:
     """The visitor has gone."""
 
 
-News = Reply | JobNews | LanePlanned | LaneReply | Opening | Opened | Unopened
+News = Reply | JobNews | RunPlanned | RunReply | Opening | Opened | Unopened
 Item = Any
 """An intent, or a message: `Hello`, `Resized`, `RemoveFile`, `HandedOver`, `CanvasChanged`, `Closed`, news."""

@@ -16,7 +16,7 @@ from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
 from app.state.link import to_link
 from app.state.view_state import ViewState
-from app.views.page import Choice, LaneFrame, Page
+from app.views.page import Choice, Page, RunFrame
 from app.views.view import View, areas, open_views
 
 
@@ -35,7 +35,7 @@ class PageComposer:
         self,
         state: ViewState,
         moment: Moment | None,
-        lanes: tuple[LaneFrame, ...],
+        runs: tuple[RunFrame, ...],
         results: Mapping[str, JobResult],
         cached: Cached | None,
         is_moving: bool,
@@ -58,7 +58,7 @@ class PageComposer:
             self.loader.trouble,
             catalogue.growing(),
             results=results,
-            lanes=lanes,
+            runs=runs,
             video=catalogue.film(state.recording_id),
             file_name=catalogue.file_name(state.recording_id),
             can_be_stated=catalogue.can_be_stated(state.recording_id),

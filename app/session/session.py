@@ -26,20 +26,20 @@ from app.html.moment import Moment
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
-from app.session.lanes import LanePlanned, LaneReply, VisitorLanes
 from app.session.layout import build_layout
 from app.session.loader import RecordingLoader
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item
 from app.session.opening import Opened, Opening, Unopened
 from app.session.page import PageComposer
 from app.session.player import Player
+from app.session.runs import RunPlanned, RunReply, VisitorRuns
 from app.session.saved_view import SavedView
 from app.session.visit import Shown, Visit
 from app.state import intents as ask
-from app.state.lane import Lane
+from app.state.run import Run
 from app.state.view_state import ViewState
 from app.views import VIEWS
-from app.views.page import LaneFrame, Page
+from app.views.page import Page, RunFrame
 from app.views.reduce import reduce_views
 from app.views.view import View, open_views, touched_views
 
@@ -84,7 +84,7 @@ class Session:
         self._player = Player()
         self._answers = NewestFrames()
         self._studying = VisitorJobs(engine, self._visitor, self._mail.put)
-        self._comparing = VisitorLanes(engine, catalogue, self._visitor, self._mail.put)
+        self._comparing = VisitorRuns(engine, catalogue, self._visitor, self._mail.put)
         self._is_known = False
         self._has_asked = False
         self._is_closed = False
@@ -190,7 +190,7 @@ class Session:
                     for intent in self._showing.hand_over(item):
                         self._reduce(intent)
                 return
-            case LanePlanned() | LaneReply():
+            case RunPlanned() | RunReply():
                 self._is_dirty |= self._comparing.take(item)
                 return
             case Opening() | Opened() | Unopened():
@@ -302,14 +302,14 @@ class Session:
             self._cached = cached
 
     def _push(self) -> None:
-        moment, lanes = self._moment(), ()
+        moment, runs = self._moment(), ()
         if moment is not None:
-            lanes = self._comparing.lanes(self._state, self._compared(), moment, self._answers)
-            self._ask(moment, lanes)
+            runs = self._comparing.runs(self._state, self._compared(), moment, self._answers)
+            self._ask(moment, runs)
         page = self._composer.page(
             self._state,
             moment,
-            lanes,
+            runs,
             self._studying.results,
             self._cached,
             self._is_moving() or self._state.is_playing,
@@ -320,15 +320,15 @@ class Session:
         self._client.flush()
         self.drawn = time.monotonic(), page
 
-    def _compared(self) -> tuple[Lane, ...] | None:
+    def _compared(self) -> tuple[Run, ...] | None:
         """The runs that an open view shows beside the main one."""
-        found = (view.lanes(self._state) for view in open_views(self._state, self._views))
-        return next((lanes for lanes in found if lanes is not None), None)
+        found = (view.runs(self._state) for view in open_views(self._state, self._views))
+        return next((runs for runs in found if runs is not None), None)
 
     def _moment(self) -> Moment | None:
         return self._held.moment(self._state)
 
-    def _ask(self, moment: Moment, lanes: tuple[LaneFrame, ...]) -> None:
+    def _ask(self, moment: Moment, runs: tuple[RunFrame, ...]) -> None:
         """The frame of the moment, those of the runs, and what the open views want computed."""
         state = self._state
         request = FrameRequest(
@@ -338,18 +338,18 @@ class Session:
             request = view.change_request(view.of(state), request)
         if self._answers.ask(request):
             self._engine.request(self._visitor, request, self._hear)
-        self._comparing.ask(lanes)
-        jobs = self._jobs(request, moment, lanes)
+        self._comparing.ask(runs)
+        jobs = self._jobs(request, moment, runs)
         if self._is_moving() or state.is_playing:
             self._studying.keep(jobs)
         else:
             self._studying.want(jobs)
 
-    def _jobs(self, request: FrameRequest, moment: Moment, lanes: tuple[LaneFrame, ...]) -> dict[str, Job]:
+    def _jobs(self, request: FrameRequest, moment: Moment, runs: tuple[RunFrame, ...]) -> dict[str, Job]:
         jobs: dict[str, Job] = {}
         for view in open_views(self._state, self._views):
             jobs.update(view.jobs(self._state, request))
-            jobs.update(view.lane_jobs(self._state, moment, lanes, self._num_seen))
+            jobs.update(view.run_jobs(self._state, moment, runs, self._num_seen))
         for view in touched_views(self._state, self._views):
             jobs.update(view.background_jobs(self._state, request))
         return jobs

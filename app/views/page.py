@@ -13,7 +13,7 @@ from app.html.cloud import EventCloud
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.html.timeline_marks import Cached
-from app.state.lane import Lane
+from app.state.run import Run
 from app.state.view_state import ViewState
 from etnet.windows import Window
 
@@ -28,12 +28,12 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LaneFrame:
+class RunFrame:
     """What has come of a run. `request` is `None` until its windows are planned; `window` is the nearest in time."""
 
     number: int
     """0 is the main run."""
-    lane: Lane
+    run: Run
     request: FrameRequest | None
     window: Window | None
     num_windows: int
@@ -67,7 +67,7 @@ class Page:
     """Names of recordings that are being written, and will be offered."""
     results: Mapping[str, JobResult] = field(default_factory=dict)
     """What is known of the jobs that the open views want, by slot."""
-    lanes: tuple[LaneFrame, ...] = ()
+    runs: tuple[RunFrame, ...] = ()
     """What is compared at this moment, the main run first; empty while nothing is."""
     link: str = ""
     """The current moment as a value for an address; empty while it moves."""

@@ -10,9 +10,9 @@ from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
 from app.html.cloud import EventCloud
 from app.html.moment import Moment
-from app.state.lane import Lane
+from app.state.run import Run
 from app.state.view_state import Limits, Slice, ViewState, Workspace
-from app.views.page import LaneFrame, Page
+from app.views.page import Page, RunFrame
 from etnet.windows import Window
 
 if TYPE_CHECKING:
@@ -69,11 +69,11 @@ def _no_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
     return {}
 
 
-def _no_lanes(state: ViewState) -> tuple[Lane, ...] | None:
+def _no_runs(state: ViewState) -> tuple[Run, ...] | None:
     return None
 
 
-def _no_lane_jobs(state: ViewState, moment: Moment, lanes: Sequence[LaneFrame], num_seen: NumSeen) -> Mapping[str, Job]:
+def _no_run_jobs(state: ViewState, moment: Moment, runs: Sequence[RunFrame], num_seen: NumSeen) -> Mapping[str, Job]:
     return {}
 
 
@@ -116,9 +116,9 @@ class View:
     """Files that were ordered: they are made whether the view is open or not."""
     change_request: Callable[[Any, FrameRequest], FrameRequest] = _as_asked
     """What it changes in every request for a frame: an intervention, a filter."""
-    lanes: Callable[[ViewState], tuple[Lane, ...] | None] = _no_lanes
+    runs: Callable[[ViewState], tuple[Run, ...] | None] = _no_runs
     """The runs that it shows beside the main one; `None` while it compares nothing."""
-    lane_jobs: Callable[[ViewState, Moment, Sequence[LaneFrame], NumSeen], Mapping[str, Job]] = _no_lane_jobs
+    run_jobs: Callable[[ViewState, Moment, Sequence[RunFrame], NumSeen], Mapping[str, Job]] = _no_run_jobs
     """What it wants computed of these runs."""
     over_timeline: Callable[[Page], str] = _nothing_over
     """SVG that it draws over the timeline."""

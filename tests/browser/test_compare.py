@@ -1,4 +1,4 @@
-"""Three lanes on a real recording, in a real browser: they follow the slider, and the strip holds the right numbers."""
+"""Three runs on a real recording, in a real browser: they follow the slider, and the strip holds the right numbers."""
 
 import re
 
@@ -58,17 +58,17 @@ def choose(page, label, option):
 
 
 @pytest.fixture(scope="module")
-def lanes(page):
+def runs(page):
     """The default network, somebody's own, and the default one over other windows."""
-    choose(page, "Compare", "lanes at this moment")
-    page.get_by_test_id("lane-A").wait_for()
-    page.get_by_role("button", name="Add a lane").click()
-    page.get_by_test_id("lane-B").wait_for()
+    choose(page, "Compare", "runs at this moment")
+    page.get_by_test_id("run-A").wait_for()
+    page.get_by_role("button", name="Add a run").click()
+    page.get_by_test_id("run-B").wait_for()
     choose(page, "Network", "my network")
-    page.get_by_role("button", name="Add a lane").click()
-    page.get_by_test_id("lane-C").wait_for()
+    page.get_by_role("button", name="Add a run").click()
+    page.get_by_test_id("run-C").wait_for()
     choose(page, "Windows by", "milliseconds")
-    page.get_by_test_id("lane-C").get_by_text("every 20 ms").wait_for()
+    page.get_by_test_id("run-C").get_by_text("every 20 ms").wait_for()
     return page
 
 
@@ -100,85 +100,85 @@ def test_all_tabs_stand_in_one_row_of_the_narrow_column(page):
     assert len(set(tops)) == 1
 
 
-def test_three_lanes_scrub_together_with_the_right_numbers(lanes, expected):
-    lanes.locator("body").press("j")
+def test_three_runs_scrub_together_with_the_right_numbers(runs, expected):
+    runs.locator("body").press("j")
     for index in (19, 18):
-        until_window(lanes, index)
+        until_window(runs, index)
         for name in "AB":
-            lanes.get_by_alt_text(f"Lane {name}: window {index}", exact=True).wait_for()
-            lanes.get_by_test_id(f"figures-{name}").wait_for()
+            runs.get_by_alt_text(f"Run {name}: window {index}", exact=True).wait_for()
+            runs.get_by_test_id(f"figures-{name}").wait_for()
             wanted = [expected[0][name][index][measure] for measure in ("mse", "ssim", "lpips")]
-            assert figures(lanes, name) == pytest.approx(wanted, abs=6e-4)
-        lanes.get_by_test_id("figures-C").wait_for()
-        lanes.locator("body").press("j")
+            assert figures(runs, name) == pytest.approx(wanted, abs=6e-4)
+        runs.get_by_test_id("figures-C").wait_for()
+        runs.locator("body").press("j")
 
 
 @pytest.mark.parametrize("sight", ["wiped over each other", "their difference", "error against the camera"])
-def test_each_way_of_showing_draws_pictures(lanes, sight):
-    choose(lanes, "Show", sight)
-    lanes.get_by_test_id("figures-A").wait_for()
-    mark = {"wiped over each other": "wipe", "their difference": "difference"}.get(sight, "lane-camera")
+def test_each_way_of_showing_draws_pictures(runs, sight):
+    choose(runs, "Show", sight)
+    runs.get_by_test_id("figures-A").wait_for()
+    mark = {"wiped over each other": "wipe", "their difference": "difference"}.get(sight, "run-camera")
     # Asked in the page: a picture that has just been replaced by its next one has no box for a moment.
     tall = "name => document.querySelector(`[data-testid=${name}]`)?.getBoundingClientRect().height > 10"
-    lanes.wait_for_function(tall, arg=mark)
-    sizes = lanes.get_by_test_id("lanes").locator("img").evaluate_all("all => all.map(image => image.naturalWidth)")
+    runs.wait_for_function(tall, arg=mark)
+    sizes = runs.get_by_test_id("runs").locator("img").evaluate_all("all => all.map(image => image.naturalWidth)")
     assert len(sizes) >= 1
     assert min(sizes) > 0
-    choose(lanes, "Show", "side by side")
+    choose(runs, "Show", "side by side")
 
 
-def test_the_strip_is_filled_and_right_and_a_click_on_the_worst_frame_goes_there(lanes, expected):
-    choose(lanes, "Compare", "scores over time")
+def test_the_strip_is_filled_and_right_and_a_click_on_the_worst_frame_goes_there(runs, expected):
+    choose(runs, "Compare", "scores over time")
     for name in "ABC":
-        lanes.get_by_test_id(f"series-{name}").get_by_text(re.compile(r"\d scored$")).wait_for(timeout=120_000)
+        runs.get_by_test_id(f"series-{name}").get_by_text(re.compile(r"\d scored$")).wait_for(timeout=120_000)
     for name in "AB":
         wanted = np.array([values["lpips"] for values in expected[0][name]])
-        shown = float(lanes.get_by_test_id(f"mean-{name}-lpips").get_attribute("data-value"))
+        shown = float(runs.get_by_test_id(f"mean-{name}-lpips").get_attribute("data-value"))
         assert shown == pytest.approx(wanted.mean(), rel=1e-6)
-    assert lanes.locator("[data-testid=strip] path[data-lane]").count() == 3
-    assert lanes.locator("[data-testid=chart] path[data-lane]").count() == 3
-    first = lanes.get_by_test_id("worst").locator("button").first
+    assert runs.locator("[data-testid=strip] path[data-run]").count() == 3
+    assert runs.locator("[data-testid=chart] path[data-run]").count() == 3
+    first = runs.get_by_test_id("worst").locator("button").first
     seconds = float(first.inner_text().split(" s")[0])
     first.click()
-    lanes.get_by_test_id("time").get_by_text(re.compile(r"\d")).wait_for()
-    lanes.wait_for_timeout(700)
-    assert float(lanes.get_by_test_id("time").inner_text().split(" s")[0]) == pytest.approx(seconds, abs=0.02)
+    runs.get_by_test_id("time").get_by_text(re.compile(r"\d")).wait_for()
+    runs.wait_for_timeout(700)
+    assert float(runs.get_by_test_id("time").inner_text().split(" s")[0]) == pytest.approx(seconds, abs=0.02)
 
 
-def test_the_protocols_own_run_shows_what_the_command_line_prints(lanes, expected):
-    lanes.get_by_label("Protocol’s own cut").click()
+def test_the_protocols_own_run_shows_what_the_command_line_prints(runs, expected):
+    runs.get_by_label("Protocol’s own cut").click()
     whole = re.compile(rf" {expected[1].num_frames} scored$")
-    lanes.get_by_test_id("series-A").get_by_text(whole).wait_for(timeout=120_000)
+    runs.get_by_test_id("series-A").get_by_text(whole).wait_for(timeout=120_000)
     for measure in ("mse", "ssim", "lpips", "temporal"):
-        shown = float(lanes.get_by_test_id(f"mean-A-{measure}").get_attribute("data-value"))
+        shown = float(runs.get_by_test_id(f"mean-A-{measure}").get_attribute("data-value"))
         assert shown == pytest.approx(expected[1].mean(measure), rel=1e-5)
-    lanes.get_by_label("Protocol’s own cut").click()
+    runs.get_by_label("Protocol’s own cut").click()
 
 
-def test_what_kind_of_recording_it_is_is_told(lanes):
-    choose(lanes, "Compare", "what kind of recording this is")
-    lanes.get_by_test_id("fit-contrast threshold").wait_for()
-    assert "0.1 to 1 inside" in lanes.get_by_test_id("fit-events per pixel").inner_text()
-    assert "not on card" in lanes.get_by_test_id("fit-noise").inner_text()
-    lanes.get_by_role("button", name="Compare with a lane of cleaned events").click()
-    lanes.get_by_test_id("lane-D").get_by_text("without hot pixels").wait_for()
+def test_what_kind_of_recording_it_is_is_told(runs):
+    choose(runs, "Compare", "what kind of recording this is")
+    runs.get_by_test_id("fit-contrast threshold").wait_for()
+    assert "0.1 to 1 inside" in runs.get_by_test_id("fit-events per pixel").inner_text()
+    assert "not on card" in runs.get_by_test_id("fit-noise").inner_text()
+    runs.get_by_role("button", name="Compare with a run of cleaned events").click()
+    runs.get_by_test_id("run-D").get_by_text("without hot pixels").wait_for()
 
 
 _BOXES = """() => {
-    const lanes = ["A", "B"].map((name) => document.querySelector(`[data-testid="lane-${name}"]`))
-    const boxes = lanes.map((lane) => lane?.getBoundingClientRect().toJSON())
+    const runs = ["A", "B"].map((name) => document.querySelector(`[data-testid="run-${name}"]`))
+    const boxes = runs.map((run) => run?.getBoundingClientRect().toJSON())
     return boxes.every((box) => box?.width > 150) && boxes
 }"""
-"""Asked in the page and at once: a lane that has just been replaced by its next self has no box for a moment."""
+"""Asked in the page and at once: a run that has just been replaced by its next self has no box for a moment."""
 
 
-def test_on_a_phone_lanes_stand_beside_each_other(browser, desk):
+def test_on_a_phone_runs_stand_beside_each_other(browser, desk):
     phone = open_page(browser, desk[0].url, 390, 844)
     phone.get_by_text("Compare", exact=True).first.tap()
     phone.locator("input[value=nothing]:visible").first.tap()
-    phone.get_by_role("option", name="lanes at this moment", exact=True).tap()
-    phone.get_by_role("button", name="Add a lane").tap()
-    phone.get_by_test_id("lane-B").wait_for()
+    phone.get_by_role("option", name="runs at this moment", exact=True).tap()
+    phone.get_by_role("button", name="Add a run").tap()
+    phone.get_by_test_id("run-B").wait_for()
     first, second = phone.wait_for_function(_BOXES).json_value()
     assert first["right"] <= second["left"]
     assert second["right"] <= 390

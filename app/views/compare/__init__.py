@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.views.compare.jobs.lanes import lane_jobs
+from app.views.compare.jobs.runs import run_jobs
 from app.views.compare.over_timeline import over_timeline
-from app.views.compare.state import CompareState, compared_lanes, hear, reduce_compare
+from app.views.compare.state import CompareState, compared_runs, hear, reduce_compare
 from app.views.view import Card, View
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ VIEW = View(
     cards=(Card("compare", stage=frozenset({"compare"})),),
     reduce=reduce_compare,
     hear=hear,
-    lanes=compared_lanes,
-    lane_jobs=lane_jobs,
+    runs=compared_runs,
+    run_jobs=run_jobs,
     over_timeline=over_timeline,
 )

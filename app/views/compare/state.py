@@ -7,17 +7,17 @@ from typing import Any, ClassVar, Literal
 
 from app.state import intents as ask
 from app.state.checks import checked, number, whole
-from app.state.lane import Lane
+from app.state.run import Run
 from app.state.view_state import ViewState
 from app.views.view import Here
 from etnet.events.denoise import Cleaning
 
-Inspector = Literal["none", "lanes", "scores"]
+Inspector = Literal["none", "runs", "scores"]
 Sight = Literal["side by side", "wipe", "difference", "error"]
 Measure = Literal["mse", "ssim", "lpips", "temporal", "sharpness", "contrast", "rate", "density"]
 Rule = Literal["paper", "evreal"]
 ZOOMS = (1, 2, 4, 8)
-MOST_LANES = 3
+MOST_RUNS = 3
 """Beside the main one."""
 LARGEST_OFFSET = 1_000_000
 """µs by which the frames' clock can be shifted."""
@@ -29,8 +29,8 @@ class CompareState:
 
     view: ClassVar[str] = "compare"
     inspector: Inspector = "none"
-    lanes: tuple[Lane, ...] = ()
-    chosen: int = whole(0, 0, MOST_LANES - 1)
+    runs: tuple[Run, ...] = ()
+    chosen: int = whole(0, 0, MOST_RUNS - 1)
     """The run that the widgets change, and that swipe and difference hold against the main one."""
     sight: Sight = "side by side"
     wipe: float = number(0.5, 0.0, 1.0)
@@ -44,29 +44,29 @@ class CompareState:
 
 
 @dataclass(frozen=True, slots=True)
-class AddLane:
+class AddRun:
     """One run more: like the main one until something of it is changed, or with something changed already."""
 
-    lane: Lane = field(default_factory=Lane)
+    run: Run = field(default_factory=Run)
 
 
 @dataclass(frozen=True, slots=True)
-class RemoveLane:
+class RemoveRun:
     """Take a run away (0 is the first beside the main one)."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
-class ChooseLane:
+class ChooseRun:
     """Let the widgets speak of this run."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
-class ChangeLane:
-    """Change the chosen run's `field` to `value`: what `Lane` takes there."""
+class ChangeRun:
+    """Change the chosen run's `field` to `value`: what `Run` takes there."""
 
     field: Literal["model_id", "precision", "policy", "cleaning"]
     value: object
@@ -82,61 +82,61 @@ class StartCold:
 def reduce_compare(slice_: CompareState, intent: Any, here: Here) -> CompareState:
     """Of another recording the stamps mean nothing: cold starts and the offset go."""
     match intent:
-        case AddLane(lane):
-            opened = replace(slice_, inspector="lanes")
-            if len(slice_.lanes) >= MOST_LANES:
+        case AddRun(run):
+            opened = replace(slice_, inspector="runs")
+            if len(slice_.runs) >= MOST_RUNS:
                 return opened
-            return replace(opened, lanes=(*slice_.lanes, lane), chosen=len(slice_.lanes))
-        case RemoveLane(number):
-            lanes = tuple(lane for place, lane in enumerate(slice_.lanes) if place != number)
-            return replace(slice_, lanes=lanes, chosen=min(slice_.chosen, max(len(lanes) - 1, 0)))
-        case ChooseLane(number):
-            return replace(slice_, chosen=min(max(number, 0), max(len(slice_.lanes) - 1, 0)))
-        case ChangeLane(name, value):
-            return _with_lane(slice_, name, value)
+            return replace(opened, runs=(*slice_.runs, run), chosen=len(slice_.runs))
+        case RemoveRun(number):
+            runs = tuple(run for place, run in enumerate(slice_.runs) if place != number)
+            return replace(slice_, runs=runs, chosen=min(slice_.chosen, max(len(runs) - 1, 0)))
+        case ChooseRun(number):
+            return replace(slice_, chosen=min(max(number, 0), max(len(slice_.runs) - 1, 0)))
+        case ChangeRun(name, value):
+            return _with_run(slice_, name, value)
         case StartCold(is_cold):
             window = here.window
-            return _with_lane(slice_, "cold_from", window.t_start if is_cold and window else None)
+            return _with_run(slice_, "cold_from", window.t_start if is_cold and window else None)
         case ask.ShowWorkspace("compare") if slice_.inspector == "none":
-            return replace(slice_, inspector="lanes")
+            return replace(slice_, inspector="runs")
         case ask.OpenRecording() | ask.ReopenRecording():
-            return replace(slice_, lanes=tuple(replace(lane, cold_from=None) for lane in slice_.lanes), offset=0)
+            return replace(slice_, runs=tuple(replace(run, cold_from=None) for run in slice_.runs), offset=0)
     return _sound(slice_)
 
 
 def _sound(slice_: CompareState) -> CompareState:
     """A stored view may hold more runs than are allowed, or a chosen one that is not there."""
-    lanes = slice_.lanes[:MOST_LANES]
-    chosen = slice_.chosen if slice_.chosen < max(len(lanes), 1) else 0
+    runs = slice_.runs[:MOST_RUNS]
+    chosen = slice_.chosen if slice_.chosen < max(len(runs), 1) else 0
     zoom = slice_.zoom if slice_.zoom in ZOOMS else 1
-    if (lanes, chosen, zoom) == (slice_.lanes, slice_.chosen, slice_.zoom):
+    if (runs, chosen, zoom) == (slice_.runs, slice_.chosen, slice_.zoom):
         return slice_
-    return replace(slice_, lanes=lanes, chosen=chosen, zoom=zoom)
+    return replace(slice_, runs=runs, chosen=chosen, zoom=zoom)
 
 
-def compared_lanes(state: ViewState) -> tuple[Lane, ...] | None:
+def compared_runs(state: ViewState) -> tuple[Run, ...] | None:
     """The runs beside the main one; `None` while nothing is compared."""
     slice_ = state.of(CompareState)
-    return slice_.lanes if slice_.inspector in ("lanes", "scores") else None
+    return slice_.runs if slice_.inspector in ("runs", "scores") else None
 
 
 def hear(words: str) -> Any:
     """What a click on one of the view's own buttons says; `None` for what none of them sends."""
     if words == "add":
-        return AddLane()
+        return AddRun()
     if words == "cleaned":
-        return AddLane(Lane(cleaning=Cleaning(hot_pixels=True, support_within=5_000)))
+        return AddRun(Run(cleaning=Cleaning(hot_pixels=True, support_within=5_000)))
     kind, _, number_ = words.rpartition(":")
-    return RemoveLane(int(number_)) if kind == "remove" else ChooseLane(int(number_)) if kind == "choose" else None
+    return RemoveRun(int(number_)) if kind == "remove" else ChooseRun(int(number_)) if kind == "choose" else None
 
 
-def _with_lane(slice_: CompareState, name: str, value: object) -> CompareState:
-    if slice_.chosen >= len(slice_.lanes):
+def _with_run(slice_: CompareState, name: str, value: object) -> CompareState:
+    if slice_.chosen >= len(slice_.runs):
         return slice_
     try:
-        value = checked(Lane, name, value)
+        value = checked(Run, name, value)
     except ValueError:
         return slice_
-    lanes = list(slice_.lanes)
-    lanes[slice_.chosen] = replace(lanes[slice_.chosen], **{name: value})
-    return replace(slice_, lanes=tuple(lanes))
+    runs = list(slice_.runs)
+    runs[slice_.chosen] = replace(runs[slice_.chosen], **{name: value})
+    return replace(slice_, runs=tuple(runs))

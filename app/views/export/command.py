@@ -20,7 +20,7 @@ _KINDS: dict[ExportFormat, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class CommandLine:
     """How the command line is told of what is shown: by names, never by where a file lies."""
 
     file: str
@@ -29,21 +29,23 @@ class Run:
     device: str = "cpu"
 
 
-def run_of(page: Page) -> Run | None:
+def command_line_of(page: Page) -> CommandLine | None:
     """`None` for what the command line cannot open: a video has to be simulated first."""
     if page.video is not None or not page.file_name:
         return None
     ready, state = page.ready, page.state
     if ready is None or ready.request.playback[1:3] != (state.model_id, state.precision):
-        return Run(page.file_name, page.model.source, state.precision)
-    return Run(page.file_name, page.model.source, ready.contract.runtime.precision, ready.contract.device)
+        return CommandLine(page.file_name, page.model.source, state.precision)
+    return CommandLine(page.file_name, page.model.source, ready.contract.runtime.precision, ready.contract.device)
 
 
-def export_command(wanted: StartExport, moment: Moment, run: Run, query: tuple[int, int] | None, out: str) -> str:
+def export_command(
+    wanted: StartExport, moment: Moment, line: CommandLine, query: tuple[int, int] | None, out: str
+) -> str:
     """`etnet export …`, typed where the recording lies, for the windows, network and look that the page would use."""
-    words = ["etnet", "export", _KINDS[wanted.format], _as_operand(run.file), "-o", out, "--model", run.model]
-    words += ["--windows", policy_text(moment.policy), "--precision", run.precision]
-    words += [] if run.device == "cpu" else ["--device", run.device]
+    words = ["etnet", "export", _KINDS[wanted.format], _as_operand(line.file), "-o", out, "--model", line.model]
+    words += ["--windows", policy_text(moment.policy), "--precision", line.precision]
+    words += [] if line.device == "cpu" else ["--device", line.device]
     words += _range(wanted, moment)
     if (opened := moment.recording.opened_as) is not None:
         words += [*_statement(opened.assumed), *_view(opened.view)]

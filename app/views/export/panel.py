@@ -10,7 +10,7 @@ import viser
 from app.engine.downloads import plain_name
 from app.html.choices import SPEEDS
 from app.state.intents import FormChanged
-from app.views.export.command import export_command, run_of
+from app.views.export.command import command_line_of, export_command
 from app.views.export.jobs import file_name
 from app.views.export.state import (
     EXPORT_SLOT,
@@ -169,16 +169,16 @@ def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
 
 def _told(page: Page, wanted: StartExport) -> str:
     """The command that makes the same."""
-    moment, run = page.moment, run_of(page)
+    moment, line = page.moment, command_line_of(page)
     if wanted.sheet != "panels":
         words = "The browser saves it. It is made of this moment as it is shown; the scene is left out."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
-    if moment is None or run is None:
+    if moment is None or line is None:
         words = "The browser saves it. <code>etnet export</code> opens what <code>etnet simulate --video</code> makes."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
     name = moment.recording.name
     out = f"{plain_name(name)}_frames" if wanted.format == "png" else file_name(name, wanted.format)
-    command = export_command(wanted, moment, run, page.state.query, out)
+    command = export_command(wanted, moment, line, page.state.query, out)
     return (
         '<div class="et"><div class="et-note">The browser saves it. This makes the same, of any size:</div>'
         f'<code class="etv-command" data-testid="command">{_unbroken(command)}</code></div>'

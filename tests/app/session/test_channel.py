@@ -6,7 +6,7 @@ from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, 
 from app.state import intents as ask
 from app.views import VIEWS
 from app.views.attention.state import OpenSite, PinMap
-from app.views.compare.state import AddLane, ChooseLane, RemoveLane
+from app.views.compare.state import AddRun, ChooseRun, RemoveRun
 from app.views.inspect.state import ResetAll, Switch
 from app.views.recording.state import Trim
 from app.views.scene.state import ChooseCamera
@@ -30,9 +30,9 @@ SAID = {
     "pick|attention:unpin:b|0|0|1": PinMap("b", None),
     "pick|inspect:switch:head x 3|0|0|1": Switch("head x 3"),
     "pick|inspect:reset|0|0|1": ResetAll(),
-    "pick|compare:add|0|0|1": AddLane(),
-    "pick|compare:choose:1|0|0|1": ChooseLane(1),
-    "pick|compare:remove:0|0|0|1": RemoveLane(0),
+    "pick|compare:add|0|0|1": AddRun(),
+    "pick|compare:choose:1|0|0|1": ChooseRun(1),
+    "pick|compare:remove:0|0|0|1": RemoveRun(0),
     "pick|recording:trim|0|0|1": Trim(),
     "pick|scene:camera:side|0|0|1": ChooseCamera("side"),
     "pick|help|0|0|1": AskHelp(),

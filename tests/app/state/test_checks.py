@@ -16,7 +16,7 @@ from app.state.link import VERSION, LinkError
 from app.state.stored import to_text
 from app.state.view_state import SHARED_FIELDS, Limits, ViewState
 from app.views import VIEWS
-from app.views.compare.state import MOST_LANES, ZOOMS, AddLane, CompareState
+from app.views.compare.state import MOST_RUNS, ZOOMS, AddRun, CompareState
 from app.views.inspect.state import NO_CHANGE, InspectState
 from etnet.events.denoise import Cleaning
 from etnet.nets.intervention import Intervention
@@ -25,7 +25,7 @@ from tests.app.reducing import from_link, from_text, reduce
 
 VIEW_FIELDS = [(view.name, entry.name) for view in VIEWS for entry in fields(view.initial)]
 WORDS = (
-    "none", "True", "False", "0", "3", "-1", "0.5", "1e999", "nan", "9" * 5000, "lanes", "wipe", "error", "ssim",
+    "none", "True", "False", "0", "3", "-1", "0.5", "1e999", "nan", "9" * 5000, "runs", "wipe", "error", "ssim",
     "evreal", "read by", "per map", "entropy", "cell", "time surface", "hdr", "front", "a",
     "scale2.decoder.0.cross", "scale9.decoder.0.cross", "ByCount", "fp32", "auto", "demo", "\ud800", "<b>",
 )  # fmt: skip
@@ -57,8 +57,8 @@ def assert_sound(state):
 def assert_drawn(state):
     """What panels rely on without asking, from the next intent on."""
     runs = reduce(state, ask.FormChanged(), Limits()).of(CompareState)
-    assert len(runs.lanes) <= MOST_LANES
-    assert runs.chosen < max(len(runs.lanes), 1)
+    assert len(runs.runs) <= MOST_RUNS
+    assert runs.chosen < max(len(runs.runs), 1)
     assert runs.zoom in ZOOMS
 
 
@@ -66,11 +66,11 @@ def assert_drawn(state):
 @settings(deadline=None, max_examples=25)
 @given(value=JSON | VALUES, is_word=st.booleans(), has_runs=st.booleans())
 def test_whatever_a_field_is_set_to_its_slice_stays_sound(view, field, value, is_word, has_runs):
-    before = reduce(ViewState(), AddLane(), Limits()) if has_runs else ViewState()
+    before = reduce(ViewState(), AddRun(), Limits()) if has_runs else ViewState()
     state = reduce(before, ask.Set(view, field, value, is_word), Limits())
     assert_sound(state)
-    assert len(state.of(CompareState).lanes) <= MOST_LANES
-    assert state.of(CompareState).chosen < max(len(state.of(CompareState).lanes), 1)
+    assert len(state.of(CompareState).runs) <= MOST_RUNS
+    assert state.of(CompareState).chosen < max(len(state.of(CompareState).runs), 1)
     assert state.of(CompareState).zoom in ZOOMS
     assert state.of(InspectState).change == NO_CHANGE
 
@@ -173,14 +173,14 @@ def test_a_number_too_large_for_a_float_is_refused_where_it_stands():
 
 
 def test_half_a_character_is_refused_because_no_page_can_be_sent_with_it():
-    stored = {"tab": "\ud800", "views": {"compare": {"inspector": "lanes", "lanes": [{"model_id": "\udfff"}]}}}
+    stored = {"tab": "\ud800", "views": {"compare": {"inspector": "runs", "runs": [{"model_id": "\udfff"}]}}}
     state, refused = from_text(json.dumps(stored), ViewState())
-    assert set(refused) == {"tab", "compare: lanes"}
-    assert state == ViewState().put(CompareState("lanes"))
+    assert set(refused) == {"tab", "compare: runs"}
+    assert state == ViewState().put(CompareState("runs"))
 
 
 def test_a_run_that_is_not_there_is_not_the_chosen_one_whoever_says_so():
-    for stored in ({"chosen": 2}, {"lanes": [{}], "chosen": 2}, {"lanes": [{}] * 9, "zoom": 3}):
+    for stored in ({"chosen": 2}, {"runs": [{}], "chosen": 2}, {"runs": [{}] * 9, "zoom": 3}):
         state, _ = from_text(json.dumps({"views": {"compare": stored}}), ViewState())
         assert_drawn(state)
     assert reduce(ViewState(), ask.Set("compare", "chosen", 2), Limits()).of(CompareState).chosen == 0

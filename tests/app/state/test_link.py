@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.state.lane import Lane
 from app.state.link import LONGEST, VERSION, LinkError, to_link
+from app.state.run import Run
 from app.state.view_state import Limits, ViewState
 from app.views.attention.state import AttentionState
 from app.views.compare.state import CompareState
@@ -75,7 +75,7 @@ def test_what_a_link_carries_beyond_reason_is_left_out_and_named():
 
 
 def test_a_link_carries_runs_but_no_change_of_the_network_nor_leaves_one_that_was_there():
-    runs = CompareState(lanes=(Lane(), Lane(precision="bf16", cleaning=Cleaning(hot_pixels=True), cold_from=7)))
+    runs = CompareState(runs=(Run(), Run(precision="bf16", cleaning=Cleaning(hot_pixels=True), cold_from=7)))
     changed = reduce(STATE.put(runs), Switch("scale 3"), OPEN)
     assert changed.of(InspectState) != InspectState()
     value = to_link(changed, 5000)

@@ -52,11 +52,11 @@ WORDS = st.sampled_from(
 )
 ANYTHING = st.none() | st.booleans() | ANY_INT | ANY_FLOAT | st.text(max_size=9) | POLICIES | st.builds(Cleaning) | HUGE
 COMPARISONS = st.one_of(
-    st.builds(compare.AddLane),
-    st.builds(compare.RemoveLane, ANY_INT | st.integers(0, 3)),
-    st.builds(compare.ChooseLane, ANY_INT | st.integers(0, 3)),
+    st.builds(compare.AddRun),
+    st.builds(compare.RemoveRun, ANY_INT | st.integers(0, 3)),
+    st.builds(compare.ChooseRun, ANY_INT | st.integers(0, 3)),
     st.builds(
-        compare.ChangeLane,
+        compare.ChangeRun,
         st.sampled_from(["model_id", "precision", "policy", "cleaning"]),
         ANYTHING | st.sampled_from(["fp32", "bf16"]),
     ),
@@ -109,8 +109,8 @@ def assert_sound(state):
                 value = getattr(held, entry.name)
                 assert checked(type(held), entry.name, value) == value
     runs = state.of(CompareState)
-    assert len(runs.lanes) <= compare.MOST_LANES
-    assert runs.chosen < max(len(runs.lanes), 1)
+    assert len(runs.runs) <= compare.MOST_RUNS
+    assert runs.chosen < max(len(runs.runs), 1)
     assert runs.zoom in compare.ZOOMS
     to_text(state).encode()
 
@@ -233,21 +233,21 @@ def test_play_at_the_end_starts_over():
     assert reduce(ViewState(index=39), ask.TogglePlay(), limits()) == ViewState(index=0, is_playing=True)
 
 
-def test_a_lane_starts_cold_at_the_window_on_show_and_forgets_it_in_another_recording():
+def test_a_run_starts_cold_at_the_window_on_show_and_forgets_it_in_another_recording():
     bounds = limits()
-    state = reduce(ViewState(recording_id="a", index=7), compare.AddLane(), bounds)
+    state = reduce(ViewState(recording_id="a", index=7), compare.AddRun(), bounds)
     state = reduce(state, compare.StartCold(True), bounds)
-    assert state.of(CompareState).lanes[0].cold_from == bounds.windows[7].t_start
-    assert reduce(state, compare.StartCold(False), bounds).of(CompareState).lanes[0].cold_from is None
-    assert reduce(state, ask.OpenRecording("b"), bounds).of(CompareState).lanes == (compare.Lane(),)
+    assert state.of(CompareState).runs[0].cold_from == bounds.windows[7].t_start
+    assert reduce(state, compare.StartCold(False), bounds).of(CompareState).runs[0].cold_from is None
+    assert reduce(state, ask.OpenRecording("b"), bounds).of(CompareState).runs == (compare.Run(),)
 
 
-def test_three_lanes_are_the_most_and_the_chosen_one_exists():
+def test_three_runs_are_the_most_and_the_chosen_one_exists():
     state = ViewState()
     for _ in range(5):
-        state = reduce(state, compare.AddLane(), limits())
-    assert len(state.of(CompareState).lanes) == compare.MOST_LANES
+        state = reduce(state, compare.AddRun(), limits())
+    assert len(state.of(CompareState).runs) == compare.MOST_RUNS
     for _ in range(5):
-        state = reduce(state, compare.RemoveLane(0), limits())
-        assert state.of(CompareState).chosen < max(len(state.of(CompareState).lanes), 1)
-    assert state.of(CompareState).lanes == ()
+        state = reduce(state, compare.RemoveRun(0), limits())
+        assert state.of(CompareState).chosen < max(len(state.of(CompareState).runs), 1)
+    assert state.of(CompareState).runs == ()

@@ -1,4 +1,4 @@
-"""VisitorLanes over the real server, seen by a browser that is only a websocket: no model, no screen."""
+"""VisitorRuns over the real server, seen by a browser that is only a websocket: no model, no screen."""
 
 import asyncio
 import re
@@ -28,36 +28,36 @@ def visit(viewer, story, tab, **options):
     return asyncio.run(run())
 
 
-def lane_requests(viewer):
-    return [(visitor.rpartition("/")[2], request) for visitor, request in viewer.engine.requests if "/lane" in visitor]
+def run_requests(viewer):
+    return [(visitor.rpartition("/")[2], request) for visitor, request in viewer.engine.requests if "/run" in visitor]
 
 
 async def press(browser, text):
     await browser.use(browser.widget("channel"), f"pick|{text}|0.5|0.5|{time.monotonic_ns()}")
 
 
-async def open_lanes(browser):
+async def open_runs(browser):
     await browser.use(browser.widget("Window"), 15)
     await browser.until_shown("Reconstruction of window 15")
     await browser.use(browser.widget("channel"), "pick|workspace:compare|0|0|1")
     await browser.use(browser.widget("Compare"), "runs at this moment")
-    await browser.until_shown('data-testid="lane-A"')
+    await browser.until_shown('data-testid="run-A"')
 
 
 def test_while_nothing_is_compared_nothing_is_asked(viewer):
-    before = len(lane_requests(viewer)), len(viewer.engine.jobs)
+    before = len(run_requests(viewer)), len(viewer.engine.jobs)
 
     async def story(browser):
         await browser.use(browser.widget("Window"), 9)
         await browser.until_shown("Reconstruction of window 9")
 
     visit(viewer, story, 61)
-    assert (len(lane_requests(viewer)), len(viewer.engine.jobs)) == before
+    assert (len(run_requests(viewer)), len(viewer.engine.jobs)) == before
 
 
-def test_a_lane_follows_the_moment_in_its_own_windows(viewer):
+def test_a_run_follows_the_moment_in_its_own_windows(viewer):
     async def story(browser):
-        await open_lanes(browser)
+        await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until_shown("Run B: window 15")
         await browser.use(browser.widget("Windowing "), "milliseconds")
@@ -68,14 +68,14 @@ def test_a_lane_follows_the_moment_in_its_own_windows(viewer):
         assert "camera frame taken as the window ends" in browser.html()
 
     visit(viewer, story, 62)
-    lane, request = lane_requests(viewer)[-1]
-    assert (lane, request.policy, request.index) == ("lane1", ByDuration(20_000), 10)
+    run, request = run_requests(viewer)[-1]
+    assert (run, request.policy, request.index) == ("run1", ByDuration(20_000), 10)
     assert {request.index for visitor, request in viewer.engine.requests if "/" not in visitor} >= {15, 21}
 
 
-def test_each_lane_can_be_cleaned_and_started_cold(viewer):
+def test_each_run_can_be_cleaned_and_started_cold(viewer):
     async def story(browser):
-        await open_lanes(browser)
+        await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until_shown("Run B: window 15")
         await browser.use(browser.widget("Cold start here"), True)
@@ -87,14 +87,14 @@ def test_each_lane_can_be_cleaned_and_started_cold(viewer):
         await browser.until_shown("Run B: window 3")
 
     visit(viewer, story, 63)
-    requests = dict(lane_requests(viewer))
-    assert requests["lane1"].cold_at == 15
-    assert requests["lane2"].cleaning == Cleaning(hot_pixels=True, support_within=5_000)
+    requests = dict(run_requests(viewer))
+    assert requests["run1"].cold_at == 15
+    assert requests["run2"].cleaning == Cleaning(hot_pixels=True, support_within=5_000)
 
 
-def test_a_lane_that_cannot_be_says_why_and_the_others_go_on(viewer):
+def test_a_run_that_cannot_be_says_why_and_the_others_go_on(viewer):
     async def story(browser):
-        await open_lanes(browser)
+        await open_runs(browser)
         await press(browser, "compare:add")
         await browser.use(browser.widget("Window"), 29)
         await browser.until_shown("Run B: window 29")
@@ -109,14 +109,14 @@ def test_a_lane_that_cannot_be_says_why_and_the_others_go_on(viewer):
     visit(viewer, story, 64)
 
 
-def test_a_lane_that_is_removed_costs_nothing_more(viewer):
+def test_a_run_that_is_removed_costs_nothing_more(viewer):
     async def story(browser):
-        await open_lanes(browser)
+        await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until_shown("Run B: window 15")
         await press(browser, "compare:remove:0")
-        await browser.until(lambda: 'data-testid="lane-B"' not in browser.html())
-        await browser.until(lambda: any(visitor.endswith("/lane1") for visitor in viewer.engine.dropped))
+        await browser.until(lambda: 'data-testid="run-B"' not in browser.html())
+        await browser.until(lambda: any(visitor.endswith("/run1") for visitor in viewer.engine.dropped))
 
     visit(viewer, story, 65)
 
@@ -126,7 +126,7 @@ def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
 
     async def story(browser):
         seen = len(jobs)
-        await open_lanes(browser)
+        await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until(lambda: any(isinstance(job, MomentScore) for _, _, job in jobs[seen:]))
         await browser.use(browser.widget("Compare"), "scores over time")
@@ -149,7 +149,7 @@ def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
 
 def test_values_are_read_out_at_the_clicked_pixel_also_when_zoomed(viewer):
     async def story(browser):
-        await open_lanes(browser)
+        await open_runs(browser)
         await browser.use(browser.widget("Zoom"), "4×")
         await browser.until_shown("cut:15,12,10,7")
         await browser.use(browser.widget("channel"), "pick|cut:15,12,10,7|0.55|0.95|7")
@@ -161,9 +161,9 @@ def test_values_are_read_out_at_the_clicked_pixel_also_when_zoomed(viewer):
     visit(viewer, story, 67)
 
 
-def test_messages_about_lanes_that_make_no_sense_change_nothing(viewer):
+def test_messages_about_runs_that_make_no_sense_change_nothing(viewer):
     async def story(browser):
-        await open_lanes(browser)
+        await open_runs(browser)
         for text in ("compare:", "compare:choose:7", "compare:remove:x", "compare:remove:9", "cut:1,2", "cut:a,b,c,d",
                      "at:1", "span:1", "span:nan,inf", "goto:x", "goto:inf"):  # fmt: skip
             await press(browser, text)

@@ -1,4 +1,4 @@
-"""What a comparison shows is what is there: right lanes, right marks, and in plain words what is missing."""
+"""What a comparison shows is what is there: right runs, right marks, and in plain words what is missing."""
 
 import re
 from dataclasses import replace
@@ -11,9 +11,9 @@ from app.engine.requests import FrameRequest, Ready
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.html.tones import Tones
-from app.state.lane import Lane
-from app.views.compare.html.lane import LaneShown, Truth
-from app.views.compare.html.lanes import box_of, lanes_html
+from app.state.run import Run
+from app.views.compare.html.run import RunShown, Truth
+from app.views.compare.html.runs import box_of, runs_html
 from app.views.compare.html.scores import Series, curves_over, scores_html, trace
 from app.views.compare.state import CompareState
 from app.views.recording.html.fitness import fitness_html
@@ -28,14 +28,14 @@ def moment():
     return Moment("a", BetweenFrames(), 7, opened, plan_windows(opened, BetweenFrames()))
 
 
-def lane(moment, number, level=0.5, lag=0, values=None):
+def run(moment, number, level=0.5, lag=0, values=None):
     request = FrameRequest("a", f"m{number}", "fp32", moment.policy, 7)
     frame = np.full((SENSOR.height, SENSOR.width), level, np.float32)
     ready = Ready(request, frame, None, 3.0, True, False, False, CONTRACT, 7)
     truth = Truth(8, lag)
-    return LaneShown(
+    return RunShown(
         number,
-        Lane(),
+        Run(),
         request,
         moment.window,
         30,
@@ -49,36 +49,36 @@ def lane(moment, number, level=0.5, lag=0, values=None):
     )
 
 
-def test_the_best_value_is_marked_once_all_lanes_have_one(moment):
+def test_the_best_value_is_marked_once_all_runs_have_one(moment):
     numbers = [{"mse": 0.02, "ssim": 0.6, "lpips": 0.3}, {"mse": 0.01, "ssim": 0.5, "lpips": 0.3}]
-    lanes = [lane(moment, i, values=values) for i, values in enumerate(numbers)]
-    html = lanes_html(moment, lanes, CompareState("lanes"))
-    marked = re.findall(r'class="et-exact" title="best of these lanes">([\d.]+)', html)
+    runs = [run(moment, i, values=values) for i, values in enumerate(numbers)]
+    html = runs_html(moment, runs, CompareState("runs"))
+    marked = re.findall(r'class="et-exact" title="best of these runs">([\d.]+)', html)
     assert marked == ["0.600", "0.0100"]
-    waiting = [lanes[0], replace(lanes[1], values=None)]
-    assert "best of these" not in lanes_html(moment, waiting, CompareState("lanes"))
+    waiting = [runs[0], replace(runs[1], values=None)]
+    assert "best of these" not in runs_html(moment, waiting, CompareState("runs"))
 
 
 def test_equal_frames_are_called_equal_and_others_by_how_far_they_are_apart(moment):
-    view = CompareState("lanes", (Lane(),), sight="difference")
-    same = lanes_html(moment, [lane(moment, 0), lane(moment, 1)], view)
+    view = CompareState("runs", (Run(),), sight="difference")
+    same = runs_html(moment, [run(moment, 0), run(moment, 1)], view)
     assert "the same, bit for bit" in same
-    other = lanes_html(moment, [lane(moment, 0), lane(moment, 1, 0.75)], view)
+    other = runs_html(moment, [run(moment, 0), run(moment, 1, 0.75)], view)
     assert "mean |difference| 0.25, largest 0.25" in other
 
 
 def test_a_camera_frame_that_is_not_of_this_time_is_said_to_be(moment):
-    late = lane(moment, 0, lag=-12_000, values={"mse": 0.1, "ssim": 0.5, "lpips": 0.5})
-    assert "12 ms before the window ends: motion between counts as error" in lanes_html(
-        moment, [late], CompareState("lanes")
+    late = run(moment, 0, lag=-12_000, values={"mse": 0.1, "ssim": 0.5, "lpips": 0.5})
+    assert "12 ms before the window ends: motion between counts as error" in runs_html(
+        moment, [late], CompareState("runs")
     )
-    on_time = lane(moment, 0, lag=400, values={"mse": 0.1, "ssim": 0.5, "lpips": 0.5})
-    assert "motion between" not in lanes_html(moment, [on_time], CompareState("lanes"))
+    on_time = run(moment, 0, lag=400, values={"mse": 0.1, "ssim": 0.5, "lpips": 0.5})
+    assert "motion between" not in runs_html(moment, [on_time], CompareState("runs"))
 
 
 def test_a_frame_of_another_window_is_dimmed_and_said(moment):
-    shown = lane(moment, 0)
-    html = lanes_html(moment, [replace(shown, request=replace(shown.request, index=9))], CompareState("lanes"))
+    shown = run(moment, 0)
+    html = runs_html(moment, [replace(shown, request=replace(shown.request, index=9))], CompareState("runs"))
     assert "et-lags" in html
     assert "showing 7, computing 9" in html
 
@@ -99,7 +99,7 @@ def test_a_zoom_stays_inside_the_sensor_and_holds_its_pixel(moment, zoom, query)
 def series(moment, number, values, share=1.0):
     stamps = np.array([moment.windows[i].t_stop for i in range(len(values))])
     columns = {"lpips": np.array(values, np.float64)}
-    return Series(lane(moment, number), stamps, columns, np.zeros(len(values), np.int64), share)
+    return Series(run(moment, number), stamps, columns, np.zeros(len(values), np.int64), share)
 
 
 def test_the_worst_frames_lead_to_their_moments(moment):

@@ -181,7 +181,7 @@ def test_a_cold_start_sees_nothing_of_what_was_before(engine, network):
     assert shown.is_cold
 
 
-def test_a_cleaned_lane_shows_what_the_cleaned_recording_gives(engine, network):
+def test_a_cleaned_run_shows_what_the_cleaned_recording_gives(engine, network):
     from etnet.events.denoise import cleaned
 
     cleaning = Cleaning(support_within=20_000)

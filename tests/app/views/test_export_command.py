@@ -8,7 +8,7 @@ import pytest
 import tyro
 
 from app.html.moment import Moment
-from app.views.export.command import Run, export_command, policy_text
+from app.views.export.command import CommandLine, export_command, policy_text
 from app.views.export.state import StartExport
 from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, parse_range
 from etnet.cli.policy import parse_policy
@@ -18,7 +18,7 @@ from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_wi
 from tests.export.recordings_made_up import NUM_WINDOWS, made_up_recording
 
 POLICIES = [BetweenFrames(), ByCount(1234), ByDensity(0.35), ByDensity(1e-4), ByDuration(20_000), ByDuration(1_500, 5)]
-WINDOWS, RUN = ByDuration(40_000), Run("it's mine.h5", "etnet-half", "bf16")
+WINDOWS, RUN = ByDuration(40_000), CommandLine("it's mine.h5", "etnet-half", "bf16")
 
 
 def moment(policy=WINDOWS, recording_id="a"):
@@ -68,4 +68,4 @@ def test_what_was_stated_of_a_file_and_how_it_is_seen_is_stated_again():
     got = parsed(StartExport("csv"), replace(at, recording=replace(at.recording, opened_as=OpenedAs(stated, view))))
     assert isinstance(got, Csv)
     assert got.opening.opened_as() == OpenedAs(stated, view)
-    assert parsed(StartExport("csv"), moment(), run=Run("-odd.h5", "m")).file == Path("-odd.h5")
+    assert parsed(StartExport("csv"), moment(), run=CommandLine("-odd.h5", "m")).file == Path("-odd.h5")

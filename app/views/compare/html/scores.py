@@ -13,8 +13,8 @@ from app.html.elements import ON_PICK, empty, escape, panel
 from app.html.moment import Moment
 from app.html.timeline_marks import place_of
 from app.html.units import count, rate, seconds, short
-from app.views.compare.html.lane import SAME_TIME, LaneShown
-from app.views.compare.html.lanes import RULES, decimals
+from app.views.compare.html.run import SAME_TIME, RunShown
+from app.views.compare.html.runs import RULES, decimals
 from app.views.compare.state import CompareState
 
 if TYPE_CHECKING:
@@ -41,9 +41,9 @@ _WIDTH, _HEIGHT = 1000, 150
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """What is known of one lane over time. `lags` as in `StripScores`; `share` 0 … 1."""
+    """What is known of one run over time. `lags` as in `StripScores`; `share` 0 … 1."""
 
-    lane: LaneShown
+    run: RunShown
     stamps: Int64[np.ndarray, " n"]
     values: Mapping[str, Float64[np.ndarray, " n"]]
     lags: Int64[np.ndarray, " n"]
@@ -58,22 +58,22 @@ class Series:
         return float(np.nanmean(column)) if np.isfinite(column).any() else float("nan")
 
 
-def series_of(lane: LaneShown, result: JobResult | None, replays: bool) -> Series:
-    """A lane with what a job has found out; empty before it has."""
+def series_of(run: RunShown, result: JobResult | None, replays: bool) -> Series:
+    """A run with what a job has found out; empty before it has."""
     none = np.empty(0, np.int64)
     if result is None or result.value is None:
-        return Series(lane, none, {}, none, 0.0, result.trouble if result else "")
+        return Series(run, none, {}, none, 0.0, result.trouble if result else "")
     if replays:
         scores: Scores = result.value
         lags = np.zeros(len(scores.stamps), np.int64)
         values = {str(name): column for name, column in scores.rows["as it is"].items()}
-        return Series(lane, scores.stamps, values, lags, result.share, result.trouble, False, scores.remarks)
+        return Series(run, scores.stamps, values, lags, result.share, result.trouble, False, scores.remarks)
     strip: StripScores = result.value
-    return Series(lane, strip.stamps, strip.values, strip.lags, result.share, result.trouble, strip.is_sparse)
+    return Series(run, strip.stamps, strip.values, strip.lags, result.share, result.trouble, strip.is_sparse)
 
 
 def scores_html(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
-    """The chart of one measure, all means, and the chosen lane's worst frames."""
+    """The chart of one measure, all means, and the chosen run's worst frames."""
     if not series:
         return ""
     measure = view.measure
@@ -113,10 +113,10 @@ def _line(each: Series, column: Float64[np.ndarray, " n"], start: int, stop: int
     ys = _HEIGHT * (1 - (column[is_known] - low) / (high - low))
     if len(xs) == 0:
         return ""
-    style = f'stroke="{each.lane.colour}" stroke-width="2" vector-effect="non-scaling-stroke"'
+    style = f'stroke="{each.run.colour}" stroke-width="2" vector-effect="non-scaling-stroke"'
     if len(xs) == 1:
         return f'<path d="M{xs[0]:.1f} {ys[0]:.1f}h.1" {style} stroke-width="6" stroke-linecap="round"/>'
-    return f'<path d="{trace(xs, ys)}" fill="none" {style} data-lane="{each.lane.name}"/>'
+    return f'<path d="{trace(xs, ys)}" fill="none" {style} data-run="{each.run.name}"/>'
 
 
 def trace(xs: Float64[np.ndarray, " n"], ys: Float64[np.ndarray, " n"]) -> str:
@@ -140,7 +140,7 @@ def curves_over(moment: Moment, series: Sequence[Series], measure: str) -> str:
         xs = np.array([place_of(moment, float(t)) for t in each.stamps[is_known]])
         path = trace(xs, 30 - 26 * (column[is_known] - low) / (high - low))
         # A dark edge below it: the curve of the event rate is light.
-        for hue, width, mark in (("#101216", 4, ""), (each.lane.colour, 1.5, f' data-lane="{each.lane.name}"')):
+        for hue, width, mark in (("#101216", 4, ""), (each.run.colour, 1.5, f' data-run="{each.run.name}"')):
             line = f'stroke="{hue}" stroke-width="{width}" vector-effect="non-scaling-stroke"'
             drawn += f'<path d="{path}" fill="none" {line}{mark}/>'
     return drawn
@@ -159,16 +159,16 @@ def _why_empty(series: Sequence[Series], measure: str, view: CompareState) -> st
 def _progress(series: Sequence[Series]) -> str:
     parts = []
     for each in series:
-        tag = f'<b class="et-tag" style="--hue:{each.lane.colour}">{each.lane.name}</b>'
+        tag = f'<b class="et-tag" style="--hue:{each.run.colour}">{each.run.name}</b>'
         scored = f"{count(len(each.stamps))} scored" + ("" if each.share >= 1 else f", {each.share:.0%}")
-        words = escape(each.trouble) if each.trouble else f"{escape(each.lane.words)} · {scored}"
+        words = escape(each.trouble) if each.trouble else f"{escape(each.run.words)} · {scored}"
         done = (
             ""
             if each.share >= 1 or each.trouble
             else f'<div class="et-bar"><i style="width:{each.share:.0%}"></i></div>'
         )
         parts.append(
-            f'<div class="et-series" data-testid="series-{each.lane.name}">{tag}<span>{words}</span>{done}</div>'
+            f'<div class="et-series" data-testid="series-{each.run.name}">{tag}<span>{words}</span>{done}</div>'
         )
     return "".join(parts)
 
@@ -181,11 +181,11 @@ def _means(series: Sequence[Series]) -> str:
     rows = ""
     for each in series:
         cells = "".join(
-            f'<td data-testid="mean-{each.lane.name}-{name}" data-value="{mean!r}">{decimals(mean)}</td>'
+            f'<td data-testid="mean-{each.run.name}-{name}" data-value="{mean!r}">{decimals(mean)}</td>'
             for name in names
             for mean in [each.mean(name)]
         )
-        rows += f'<tr><th><b class="et-tag" style="--hue:{each.lane.colour}">{each.lane.name}</b></th>{cells}</tr>'
+        rows += f'<tr><th><b class="et-tag" style="--hue:{each.run.colour}">{each.run.name}</b></th>{cells}</tr>'
     return f'<table class="et-means"><tr><th>mean</th>{head}</tr>{rows}</table>'
 
 
@@ -203,7 +203,7 @@ def _worst(moment: Moment, each: Series, measure: str) -> str:
     )
     words = "lowest" if measure in ("sharpness", "contrast") else "worst"
     return (
-        f'<div class="et-note">{words} frames of lane {each.lane.name}, {TITLES[measure].rstrip(" ↓↑")}</div>'
+        f'<div class="et-note">{words} frames of run {each.run.name}, {TITLES[measure].rstrip(" ↓↑")}</div>'
         f'<div class="et-chips" data-testid="worst">{buttons}</div>'
     )
 

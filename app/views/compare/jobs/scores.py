@@ -1,4 +1,4 @@
-"""How good a lane's frames are: one moment, a strip over time, or a protocol replayed from a cold start."""
+"""How good a run's frames are: one moment, a strip over time, or a protocol replayed from a cold start."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MomentScore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StripScores:
-    """A lane's values over time, as far as they are known, in the order of time.
+    """A run's values over time, as far as they are known, in the order of time.
 
     `lags`: µs by which the camera frame is later than the window's end (0 without camera). `num_wanted`: how many
     there will be. `is_sparse`: the plan is too long to be scored whole.

@@ -1,4 +1,4 @@
-"""Lanes beside each other: as they are, one wiped over another, their difference, their error against the camera."""
+"""Runs beside each other: as they are, one wiped over another, their difference, their error against the camera."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from app.html.pictures import lag_line, reconstruction_image
 from app.html.provenance import density_html
 from app.html.tones import Tones
 from app.html.units import milliseconds, seconds, short
-from app.views.compare.html.lane import SAME_TIME, LaneShown, Truth, truth_frame
-from app.views.compare.state import MOST_LANES, CompareState
+from app.views.compare.html.run import SAME_TIME, RunShown, Truth, truth_frame
+from app.views.compare.state import MOST_RUNS, CompareState
 from etnet.render.colours import css_gradient, diverge, diverging
 from etnet.render.encode import data_url
 from etnet.render.tone import tone_map
@@ -26,43 +26,43 @@ RULES = {
     "evreal": "EVREAL’s protocol: post-processed where the network asks for it, clipped to 0 … 1; SSIM Gaussian 11×11",
 }
 ERROR_LIMIT = 0.5
-"""Difference at the end of the colours: one scale for all lanes and moments, so that they can be compared."""
+"""Difference at the end of the colours: one scale for all runs and moments, so that they can be compared."""
 
 Box = tuple[int, int, int, int]
 """x, y, width, height of what is shown, pixels of the sensor."""
 
 
-def lanes_html(
+def runs_html(
     moment: Moment,
-    lanes: Sequence[LaneShown],
+    runs: Sequence[RunShown],
     view: CompareState,
     query: tuple[int, int] | None = None,
 ) -> str:
-    """All of the comparison at one moment. Clicks send `cut:x,y,w,h` on a picture, `lane:n`, `lane:add` and so on."""
-    if not lanes:
+    """All of the comparison at one moment. Clicks send `cut:x,y,w,h` on a picture, `run:n`, `run:add` and so on."""
+    if not runs:
         return ""
-    other = lanes[min(view.chosen + 1, len(lanes) - 1)]
-    draw = _Draw(moment, box_of(moment, view.zoom, query), query, _best(lanes))
-    if view.sight in ("wipe", "difference") and len(lanes) > 1:
-        picture_ = draw.wipe(lanes[0], other, view.wipe) if view.sight == "wipe" else draw.difference(lanes[0], other)
-        cards = [draw.card(lane, other, None) for lane in lanes]
-        body = f'{picture_}<div class="et-lanes">{"".join(cards)}</div>'
+    other = runs[min(view.chosen + 1, len(runs) - 1)]
+    draw = _Draw(moment, box_of(moment, view.zoom, query), query, _best(runs))
+    if view.sight in ("wipe", "difference") and len(runs) > 1:
+        picture_ = draw.wipe(runs[0], other, view.wipe) if view.sight == "wipe" else draw.difference(runs[0], other)
+        cards = [draw.card(run, other, None) for run in runs]
+        body = f'{picture_}<div class="et-runs">{"".join(cards)}</div>'
     else:
         shows = draw.error if view.sight == "error" else draw.frame
-        cards = [draw.card(lane, other, shows) for lane in lanes]
-        body = f'<div class="et-lanes">{"".join(cards)}{draw.camera(lanes[0])}</div>'
+        cards = [draw.card(run, other, shows) for run in runs]
+        body = f'<div class="et-runs">{"".join(cards)}{draw.camera(runs[0])}</div>'
     more = ""
-    if len(lanes) <= MOST_LANES:
+    if len(runs) <= MOST_RUNS:
         more = f'<button class="et-back" data-k="compare:add" {ON_PICK}>Add a run</button>'
-    scale = _scale(view, len(lanes)) if view.sight in ("difference", "error") else ""
+    scale = _scale(view, len(runs)) if view.sight in ("difference", "error") else ""
     lock = f"all at {seconds(moment.seconds[1])} of the recording, each by its window that ends nearest"
     return panel(
-        "lanes",
+        "runs",
         f'<div class="et-note">{lock}</div>',
         body,
         more,
         scale,
-        _read_out(moment, lanes, query),
+        _read_out(moment, runs, query),
         f'<div class="et-note">{_rule_words(moment, view)}</div>',
     )
 
@@ -85,51 +85,51 @@ class _Draw:
         self._box = box
         self._query = query
 
-    def card(self, lane: LaneShown, chosen: LaneShown, shows: Callable[[LaneShown], str] | None) -> str:
-        """One lane: its name, its picture (by `shows`), what it was given, its numbers."""
-        mark = " et-chosen-lane" if lane is chosen and lane.number else ""
-        image = "" if shows is None else shows(lane)
-        lag = "" if lane.request is None else lag_line(lane.ready, lane.request.index, lane.working, lane.failed)
-        trouble = f'<div class="et-failed" role="alert">{escape(lane.trouble)}</div>' if lane.trouble else ""
-        facts = "" if lane.request is None else f"{_given(self._moment, lane)}{_numbers(lane, self._best)}"
+    def card(self, run: RunShown, chosen: RunShown, shows: Callable[[RunShown], str] | None) -> str:
+        """One run: its name, its picture (by `shows`), what it was given, its numbers."""
+        mark = " et-chosen-run" if run is chosen and run.number else ""
+        image = "" if shows is None else shows(run)
+        lag = "" if run.request is None else lag_line(run.ready, run.request.index, run.working, run.failed)
+        trouble = f'<div class="et-failed" role="alert">{escape(run.trouble)}</div>' if run.trouble else ""
+        facts = "" if run.request is None else f"{_given(self._moment, run)}{_numbers(run, self._best)}"
         return (
-            f'<div class="et-lane{mark}" data-testid="lane-{lane.name}">{self._head(lane)}{image}{trouble}{lag}'
+            f'<div class="et-run{mark}" data-testid="run-{run.name}">{self._head(run)}{image}{trouble}{lag}'
             f"{facts}</div>"
         )
 
-    def frame(self, lane: LaneShown) -> str:
-        """A lane's reconstruction, as it is displayed."""
-        ready = lane.ready
+    def frame(self, run: RunShown) -> str:
+        """A run's reconstruction, as it is displayed."""
+        ready = run.ready
         if ready is None:
             return empty("No image yet", "It is computed as soon as nobody waits for another frame.")
-        url = self._url(("lane", ready.key, lane.tones), lambda: reconstruction_image(ready, lane.tones), True)
-        return self._picture(url, f"Run {lane.name}: window {ready.request.index}", not lane.is_there)
+        url = self._url(("run", ready.key, run.tones), lambda: reconstruction_image(ready, run.tones), True)
+        return self._picture(url, f"Run {run.name}: window {ready.request.index}", not run.is_there)
 
-    def error(self, lane: LaneShown) -> str:
-        """A lane's raw frame minus the camera's."""
-        ready, truth = lane.ready, truth_frame(self._moment, lane.truth)
+    def error(self, run: RunShown) -> str:
+        """A run's raw frame minus the camera's."""
+        ready, truth = run.ready, truth_frame(self._moment, run.truth)
         if truth is None:
             return empty("No camera frame", "No ground truth of the sensor’s size.")
-        if ready is None or lane.truth is None:
-            return self.frame(lane)
-        key = ("error", ready.key, self._moment.recording_id, lane.truth.index)
+        if ready is None or run.truth is None:
+            return self.frame(run)
+        key = ("error", ready.key, self._moment.recording_id, run.truth.index)
         url = self._url(key, lambda: diverge(ready.frame - truth, ERROR_LIMIT), False)
-        return self._picture(url, f"Run {lane.name} minus camera", not lane.is_there)
+        return self._picture(url, f"Run {run.name} minus camera", not run.is_there)
 
-    def camera(self, main: LaneShown) -> str:
+    def camera(self, main: RunShown) -> str:
         """The ground truth as a card of its own, with how far from the window's end it was taken."""
         truth = truth_frame(self._moment, main.truth)
-        head = '<div class="et-lane-head"><span><b class="et-tag">camera</b>ground truth</span></div>'
+        head = '<div class="et-run-head"><span><b class="et-tag">camera</b>ground truth</span></div>'
         if truth is None or main.truth is None:
             body = empty("No ground truth", "Sharpness and contrast are shown instead: they need none.")
-            return f'<div class="et-lane" data-testid="lane-camera">{head}{body}</div>'
+            return f'<div class="et-run" data-testid="run-camera">{head}{body}</div>'
         key = ("camera", self._moment.recording_id, main.truth.index, main.tones)
         url = self._url(key, lambda: _toned(truth, main.tones), True)
         when = f'<div class="et-note">{_apart(main.truth)}</div>'
-        return f'<div class="et-lane" data-testid="lane-camera">{head}{self._picture(url, "Camera frame")}{when}</div>'
+        return f'<div class="et-run" data-testid="run-camera">{head}{self._picture(url, "Camera frame")}{when}</div>'
 
-    def wipe(self, main: LaneShown, other: LaneShown, share: float) -> str:
-        """The main lane left of a line, another right of it."""
+    def wipe(self, main: RunShown, other: RunShown, share: float) -> str:
+        """The main run left of a line, another right of it."""
         below, above = self.frame(main), self.frame(other)
         words = f"left: {main.name} · right: {other.name}"
         return (
@@ -137,11 +137,11 @@ class _Draw:
             f'<div class="et-note">{words}</div>'
         )
 
-    def difference(self, main: LaneShown, other: LaneShown) -> str:
-        """Another lane's raw frame minus the main one's."""
+    def difference(self, main: RunShown, other: RunShown) -> str:
+        """Another run's raw frame minus the main one's."""
         one, two = main.ready, other.ready
         if one is None or two is None or one.frame.shape != two.frame.shape:
-            return empty("No difference yet", "Both lanes need an image first.")
+            return empty("No difference yet", "Both runs need an image first.")
         url = self._url(("difference", one.key, two.key), lambda: diverge(two.frame - one.frame, ERROR_LIMIT), False)
         is_old = not (main.is_there and other.is_there)
         apart = np.abs(two.frame - one.frame)
@@ -150,18 +150,18 @@ class _Draw:
         if not apart.any():
             said = f"{other.name} and {main.name} are the same, bit for bit"
         return (
-            f'<div class="et-large">{self._picture(url, f"Lane {other.name} minus lane {main.name}", is_old)}</div>'
+            f'<div class="et-large">{self._picture(url, f"Run {other.name} minus run {main.name}", is_old)}</div>'
             f'<div class="et-caption"><span data-testid="difference">{escape(said)}</span></div>'
         )
 
-    def _head(self, lane: LaneShown) -> str:
-        tag = f'<b class="et-tag" style="--hue:{lane.colour}">{lane.name}</b>'
-        what = f"{tag}{escape(lane.words)}"
-        if not lane.number:
-            return f'<div class="et-lane-head"><span>{what}</span></div>'
+    def _head(self, run: RunShown) -> str:
+        tag = f'<b class="et-tag" style="--hue:{run.colour}">{run.name}</b>'
+        what = f"{tag}{escape(run.words)}"
+        if not run.number:
+            return f'<div class="et-run-head"><span>{what}</span></div>'
         return (
-            f'<div class="et-lane-head"><button data-k="compare:choose:{lane.number - 1}" {ON_PICK}>{what}</button>'
-            f'<button data-k="compare:remove:{lane.number - 1}" {ON_PICK} title="Remove this run">×</button></div>'
+            f'<div class="et-run-head"><button data-k="compare:choose:{run.number - 1}" {ON_PICK}>{what}</button>'
+            f'<button data-k="compare:remove:{run.number - 1}" {ON_PICK} title="Remove this run">×</button></div>'
         )
 
     def _url(self, key: tuple[object, ...], make: Callable[[], np.ndarray], is_photograph: bool) -> str:
@@ -192,16 +192,16 @@ def _toned(frame: Float32[np.ndarray, "h w"], tones: Tones) -> UInt8[np.ndarray,
     return tone_map(frame, tones.tone, tones.is_linear_light)
 
 
-def _given(moment: Moment, lane: LaneShown) -> str:
+def _given(moment: Moment, run: RunShown) -> str:
     """Events per pixel against the trained band, and whether the memory is warm."""
-    assert lane.request is not None
-    dense = lane.events_per_pixel(moment.recording.sensor.num_pixels) or 0.0
-    left = lane.warm_up_seconds
-    since = "" if lane.lane.cold_from is None else f" · cold start at {_when(moment, lane.lane.cold_from)}"
+    assert run.request is not None
+    dense = run.events_per_pixel(moment.recording.sensor.num_pixels) or 0.0
+    left = run.warm_up_seconds
+    since = "" if run.run.cold_from is None else f" · cold start at {_when(moment, run.run.cold_from)}"
     memory = f"warming up: {seconds(left)} to go{since}" if left else f"warm{since}"
     return (
-        f'<div class="et-note">{density_html(dense, lane.trained_band)} events per pixel</div>'
-        f'<div class="et-note">window {lane.request.index} of {lane.num_windows} · {escape(memory)}</div>'
+        f'<div class="et-note">{density_html(dense, run.trained_band)} events per pixel</div>'
+        f'<div class="et-note">window {run.request.index} of {run.num_windows} · {escape(memory)}</div>'
     )
 
 
@@ -209,30 +209,30 @@ def _when(moment: Moment, stamp: int) -> str:
     return seconds((stamp - moment.recording.span.start) / 1e6)
 
 
-def _best(lanes: Sequence[LaneShown]) -> set[tuple[str, int]]:
-    """(measure, lane) of the best value there is, once every lane has one; none where all are the same."""
+def _best(runs: Sequence[RunShown]) -> set[tuple[str, int]]:
+    """(measure, run) of the best value there is, once every run has one; none where all are the same."""
     best: set[tuple[str, int]] = set()
     for name, choose in (("mse", min), ("ssim", max), ("lpips", min)):
-        values = [lane.values[name] for lane in lanes if lane.values is not None and name in lane.values]
-        if len(values) == len(lanes) and len(set(values)) > 1:
-            best |= {(name, lane.number) for lane in lanes if lane.values and lane.values[name] == choose(values)}
+        values = [run.values[name] for run in runs if run.values is not None and name in run.values]
+        if len(values) == len(runs) and len(set(values)) > 1:
+            best |= {(name, run.number) for run in runs if run.values and run.values[name] == choose(values)}
     return best
 
 
-def _numbers(lane: LaneShown, best: set[tuple[str, int]]) -> str:
-    if lane.values is None:
-        return '<div class="et-note" data-testid="measuring">measuring …</div>' if lane.ready is not None else ""
-    values = [(name, lane.values[name]) for name in TITLES if name in lane.values]
-    if "mse" in lane.values:
+def _numbers(run: RunShown, best: set[tuple[str, int]]) -> str:
+    if run.values is None:
+        return '<div class="et-note" data-testid="measuring">measuring …</div>' if run.ready is not None else ""
+    values = [(name, run.values[name]) for name in TITLES if name in run.values]
+    if "mse" in run.values:
         values = values[:3]
-    marks = {name: ' class="et-exact" title="best of these lanes"' for name, number in best if number == lane.number}
+    marks = {name: ' class="et-exact" title="best of these runs"' for name, number in best if number == run.number}
     cells = "".join(
         f"<div><dt>{TITLES[name]}</dt><dd{marks.get(name, '')}>{decimals(value)}</dd></div>" for name, value in values
     )
     late = ""
-    if lane.truth is not None and abs(lane.truth.lag) > SAME_TIME:
-        late = f'<div class="et-note et-warning">{_apart(lane.truth)}: motion between counts as error</div>'
-    return f'<dl class="et-figures" data-testid="figures-{lane.name}">{cells}</dl>{late}'
+    if run.truth is not None and abs(run.truth.lag) > SAME_TIME:
+        late = f'<div class="et-note et-warning">{_apart(run.truth)}: motion between counts as error</div>'
+    return f'<dl class="et-figures" data-testid="figures-{run.name}">{cells}</dl>{late}'
 
 
 def decimals(value: float) -> str:
@@ -249,8 +249,8 @@ def _apart(truth: Truth) -> str:
     return f"camera frame {milliseconds(abs(truth.lag) / 1000)} {side} the window ends"
 
 
-def _scale(view: CompareState, num_lanes: int) -> str:
-    if view.sight == "difference" and num_lanes < 2:
+def _scale(view: CompareState, num_runs: int) -> str:
+    if view.sight == "difference" and num_runs < 2:
         return ""
     what = "reconstruction minus camera" if view.sight == "error" else "difference of the raw frames"
     ticks = [(0.0, f"≤ −{ERROR_LIMIT}: too dark"), (0.5, "0"), (1.0, f"≥ +{ERROR_LIMIT}: too bright")]
@@ -259,16 +259,16 @@ def _scale(view: CompareState, num_lanes: int) -> str:
     return legend(f"{what}, one scale for all", css_gradient(diverging()), ticks)
 
 
-def _read_out(moment: Moment, lanes: Sequence[LaneShown], query: tuple[int, int] | None) -> str:
-    """The raw value of every lane and of the camera at the chosen pixel."""
+def _read_out(moment: Moment, runs: Sequence[RunShown], query: tuple[int, int] | None) -> str:
+    """The raw value of every run and of the camera at the chosen pixel."""
     if query is None:
-        return '<div class="et-note">Click a picture: every lane’s value at that pixel is read out here.</div>'
+        return '<div class="et-note">Click a picture: every run’s value at that pixel is read out here.</div>'
     x, y = query
     cells = []
-    for lane in lanes:
-        if lane.ready is not None and y < lane.ready.frame.shape[0] and x < lane.ready.frame.shape[1]:
-            cells.append((lane.name, float(lane.ready.frame[y, x])))
-    truth = truth_frame(moment, lanes[0].truth)
+    for run in runs:
+        if run.ready is not None and y < run.ready.frame.shape[0] and x < run.ready.frame.shape[1]:
+            cells.append((run.name, float(run.ready.frame[y, x])))
+    truth = truth_frame(moment, runs[0].truth)
     if truth is not None:
         cells.append(("camera", float(truth[y, x])))
     rows = "".join(
@@ -286,6 +286,6 @@ def _rule_words(moment: Moment, view: CompareState) -> str:
     return f"{RULES[view.rule]}. The brightness setting is for the eye alone{shifted}."
 
 
-def no_lanes_html() -> str:
+def no_runs_html() -> str:
     """Before a recording is open."""
-    return panel("lanes", empty("Nothing to compare yet", "Open a recording first."))
+    return panel("runs", empty("Nothing to compare yet", "Open a recording first."))

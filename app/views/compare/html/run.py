@@ -1,4 +1,4 @@
-"""One lane of a comparison, ready to be drawn: what it is, what has come of it, what it is held against."""
+"""One run of a comparison, ready to be drawn: what it is, what has come of it, what it is held against."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.html.moment import ARRAYS, Moment
 from app.html.tones import Tones
 from app.html.units import milliseconds, policy
-from app.state.lane import Lane
+from app.state.run import Run
 from app.views.compare.state import CompareState
-from app.views.page import LaneFrame, Page
+from app.views.page import Page, RunFrame
 from app.views.reconstruction.state import tones_in
 from etnet.events.denoise import Cleaning
 from etnet.windows import Window
 
 NAMES = ("A", "B", "C", "D")
-"""The main lane is A."""
+"""The main run is A."""
 COLOURS = ("#ffffff", "#f2e24e", "#eba6d2", "#5fd6b8")
 """Of curves and marks, in the same order: apart from each other and from polarity for every common colour blindness."""
 SAME_TIME = 1_000
@@ -29,18 +29,18 @@ SAME_TIME = 1_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The camera frame that a lane's frame is held against; `lag`: how much later it was taken, µs."""
+    """The camera frame that a run's frame is held against; `lag`: how much later it was taken, µs."""
 
     index: int
     lag: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LaneShown:
-    """A lane as it stands now. `request` is `None` until its windows are planned; `window` is the nearest in time."""
+class RunShown:
+    """A run as it stands now. `request` is `None` until its windows are planned; `window` is the nearest in time."""
 
     number: int
-    lane: Lane
+    run: Run
     request: FrameRequest | None
     window: Window | None
     num_windows: int
@@ -104,23 +104,23 @@ class LaneShown:
         left = max(self.warm_up - self.request.index, 0)
         return left * (self.window.t_stop - self.window.t_start) / 1e6
 
-    def with_values(self, values: Mapping[str, float] | None) -> LaneShown:
+    def with_values(self, values: Mapping[str, float] | None) -> RunShown:
         """The same, with what was measured."""
         return replace(self, values=values)
 
 
-def lanes_of(page: Page) -> tuple[LaneShown, ...]:
+def runs_of(page: Page) -> tuple[RunShown, ...]:
     """All runs of a page, the main one first, with the camera frame that each is held against."""
     offset = page.state.of(CompareState).offset
-    return tuple(_shown(page, frame, offset) for frame in page.lanes)
+    return tuple(_shown(page, frame, offset) for frame in page.runs)
 
 
-def _shown(page: Page, frame: LaneFrame, offset: int) -> LaneShown:
+def _shown(page: Page, frame: RunFrame, offset: int) -> RunShown:
     model = frame.model
     truth = None if page.moment is None else truth_of(page.moment, frame.window, offset)
-    return LaneShown(
+    return RunShown(
         frame.number,
-        frame.lane,
+        frame.run,
         frame.request,
         frame.window,
         frame.num_windows,

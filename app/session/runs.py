@@ -1,4 +1,4 @@
-"""One visitor's further lanes: their windows are planned beside the page, each has its own request at the engine."""
+"""One visitor's further runs: their windows are planned beside the page, each has its own request at the engine."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.session.facts import facts_of
 from app.session.frames import NewestFrames
-from app.state.lane import Lane
+from app.state.run import Run
 from app.state.view_state import Limits, ViewState
-from app.views.page import LaneFrame
+from app.views.page import RunFrame
 from etnet.errors import EtnetError, WindowError
 from etnet.events.denoise import Cleaning
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, from_window, plan_windows
 
-MOST_LANES = 3
+MOST_RUNS = 3
 """Runs beside the main one that are computed."""
 KEPT_PLANS = 4
 """Plans that are held; one of cleaned events holds four bytes an event."""
 
 
 @dataclass(frozen=True, slots=True)
-class LanePlan:
-    """How a lane cuts a recording, and from which stamp (µs) on it sees it."""
+class RunPlan:
+    """How a run cuts a recording, and from which stamp (µs) on it sees it."""
 
     recording_id: str
     policy: Policy
@@ -44,18 +44,18 @@ class LanePlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LanePlanned:
-    """A letter: a lane's windows, and the number of the first one in its policy's plan; or why there are none."""
+class RunPlanned:
+    """A letter: a run's windows, and the number of the first one in its policy's plan; or why there are none."""
 
-    plan: LanePlan
+    plan: RunPlan
     windows: Sequence[Window] = ()
     cold_at: int = 0
     trouble: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LaneReply:
-    """A letter: the engine's reply to the request of lane `number` (1 is the first beside the main one)."""
+class RunReply:
+    """A letter: the engine's reply to the request of run `number` (1 is the first beside the main one)."""
 
     number: int
     reply: Reply
@@ -73,28 +73,28 @@ class RequestSink(Protocol):
         ...
 
 
-class VisitorLanes:
-    """Keeps what is asked of the engine equal to the lanes of the view. Used by the visitor's thread alone."""
+class VisitorRuns:
+    """Keeps what is asked of the engine equal to the runs of the view. Used by the visitor's thread alone."""
 
     def __init__(
         self,
         engine: RequestSink,
         catalogue: VisitorCatalogue,
         visitor: str,
-        post: Callable[[LanePlanned | LaneReply], None],
+        post: Callable[[RunPlanned | RunReply], None],
     ) -> None:
         self._engine = engine
         self._catalogue = catalogue
         self._visitor = visitor
         self._post = post
-        self._answers = [NewestFrames() for _ in range(MOST_LANES + 1)]
+        self._answers = [NewestFrames() for _ in range(MOST_RUNS + 1)]
         self._asked: set[int] = set()
-        self._plans: OrderedDict[LanePlan, LanePlanned] = OrderedDict()
-        self._planning: set[LanePlan] = set()
+        self._plans: OrderedDict[RunPlan, RunPlanned] = OrderedDict()
+        self._planning: set[RunPlan] = set()
 
-    def take(self, letter: LanePlanned | LaneReply) -> bool:
+    def take(self, letter: RunPlanned | RunReply) -> bool:
         """Fold one letter; whether it is news."""
-        if isinstance(letter, LaneReply):
+        if isinstance(letter, RunReply):
             return letter.number in self._asked and self._answers[letter.number].take(letter.reply)
         self._planning.discard(letter.plan)
         self._plans[letter.plan] = letter
@@ -102,69 +102,69 @@ class VisitorLanes:
             self._plans.popitem(last=False)
         return True
 
-    def lanes(
-        self, state: ViewState, lanes: Sequence[Lane] | None, moment: Moment | None, main: NewestFrames
-    ) -> tuple[LaneFrame, ...]:
-        """All runs at this moment, the main one first; none while `lanes` is `None`. Plans what is not planned."""
-        if lanes is None or moment is None:
+    def runs(
+        self, state: ViewState, runs: Sequence[Run] | None, moment: Moment | None, main: NewestFrames
+    ) -> tuple[RunFrame, ...]:
+        """All runs at this moment, the main one first; none while `runs` is `None`. Plans what is not planned."""
+        if runs is None or moment is None:
             self._plans.clear()
             return ()
         return (
-            self._shown(0, Lane(), state, moment, main),
+            self._shown(0, Run(), state, moment, main),
             *(
-                self._shown(number, lane, state, moment, self._answers[number])
-                for number, lane in enumerate(lanes[:MOST_LANES], start=1)
+                self._shown(number, run, state, moment, self._answers[number])
+                for number, run in enumerate(runs[:MOST_RUNS], start=1)
             ),
         )
 
-    def ask(self, lanes: Sequence[LaneFrame]) -> None:
+    def ask(self, runs: Sequence[RunFrame]) -> None:
         """Request every run's current frame; what is not shown any more is dropped."""
-        wanted = {lane.number: lane.request for lane in lanes[1:] if lane.request}
+        wanted = {run.number: run.request for run in runs[1:] if run.request}
         for number in self._asked - set(wanted):
             self.drop(number)
         for number, request in wanted.items():
             self._asked.add(number)
             if self._answers[number].ask(request):
-                self._engine.request(self._lane(number), request, self._reply_to(number))
+                self._engine.request(self._run(number), request, self._reply_to(number))
 
     def drop(self, number: int) -> None:
-        """Nothing more is computed for this lane."""
+        """Nothing more is computed for this run."""
         self._asked.discard(number)
         self._answers[number] = NewestFrames()
-        self._engine.drop(self._lane(number))
+        self._engine.drop(self._run(number))
 
     def close(self) -> None:
         """The visitor has gone."""
         for number in list(self._asked):
             self.drop(number)
 
-    def _lane(self, number: int) -> str:
-        return f"{self._visitor}/lane{number}"
+    def _run(self, number: int) -> str:
+        return f"{self._visitor}/run{number}"
 
     def _reply_to(self, number: int) -> Deliver:
-        return lambda reply: self._post(LaneReply(number, reply))
+        return lambda reply: self._post(RunReply(number, reply))
 
-    def _shown(self, number: int, lane: Lane, state: ViewState, moment: Moment, answers: NewestFrames) -> LaneFrame:
+    def _shown(self, number: int, run: Run, state: ViewState, moment: Moment, answers: NewestFrames) -> RunFrame:
         try:
-            entry = self._catalogue.model(lane.model_id or state.model_id)
+            entry = self._catalogue.model(run.model_id or state.model_id)
         except EtnetError as error:
-            return LaneFrame(number, lane, None, None, 0, ModelFacts(""), WARM_UP, trouble=str(error))
+            return RunFrame(number, run, None, None, 0, ModelFacts(""), WARM_UP, trouble=str(error))
         facts, warm_up = facts_of(entry), entry.warm_up or WARM_UP
-        plan = LanePlan(state.recording_id, lane.policy or moment.policy, lane.cleaning, lane.cold_from)
+        plan = RunPlan(state.recording_id, run.policy or moment.policy, run.cleaning, run.cold_from)
         planned = self._planned(plan, moment)
         if planned is None or planned.trouble:
             trouble = planned.trouble if planned else ""
-            return LaneFrame(number, lane, None, None, 0, facts, warm_up, trouble=trouble)
+            return RunFrame(number, run, None, None, 0, facts, warm_up, trouble=trouble)
         # Windows may end at one stamp: in the main run's own plan the window is known.
         is_same_plan = planned.windows is moment.windows
         index = moment.index if is_same_plan else Limits(windows=planned.windows).index_at(moment.window.t_stop)
         request = FrameRequest(
             state.recording_id,
             entry.id,
-            lane.precision or state.precision,
+            run.precision or state.precision,
             plan.policy,
             index,
-            cleaning=lane.cleaning,
+            cleaning=run.cleaning,
             cold_at=planned.cold_at,
         )
         if number == 0 and answers.request is not None and answers.request.index == index:
@@ -176,12 +176,12 @@ class VisitorLanes:
             ready = None  # what another network made would stand under this one's name
         window, num_windows = planned.windows[index], len(planned.windows)
         progress = ready, answers.working, answers.failed
-        return LaneFrame(number, lane, request, window, num_windows, facts, warm_up, *progress)
+        return RunFrame(number, run, request, window, num_windows, facts, warm_up, *progress)
 
-    def _planned(self, plan: LanePlan, moment: Moment) -> LanePlanned | None:
+    def _planned(self, plan: RunPlan, moment: Moment) -> RunPlanned | None:
         """The windows of a plan, if they are there; otherwise they are planned beside the page."""
-        if plan == LanePlan(moment.recording_id, moment.policy, Cleaning(), None):
-            return LanePlanned(plan, moment.windows)
+        if plan == RunPlan(moment.recording_id, moment.policy, Cleaning(), None):
+            return RunPlanned(plan, moment.windows)
         if plan in self._plans:
             self._plans.move_to_end(plan)
             return self._plans[plan]
@@ -190,7 +190,7 @@ class VisitorLanes:
             THREADS.start(partial(self._plan, plan, moment.recording), "planning")
         return None
 
-    def _plan(self, plan: LanePlan, recording: Recording) -> None:
+    def _plan(self, plan: RunPlan, recording: Recording) -> None:
         try:
             windows = plan_windows(cleaned_once(recording, plan.cleaning), plan.policy)
             cold_at = 0
@@ -198,6 +198,6 @@ class VisitorLanes:
                 cold_at = bisect.bisect_left(windows, plan.cold_from, key=lambda window: window.t_start)
             if cold_at >= len(windows):
                 raise WindowError("no window begins after this moment; start cold earlier")
-            self._post(LanePlanned(plan, from_window(windows, cold_at), cold_at))
+            self._post(RunPlanned(plan, from_window(windows, cold_at), cold_at))
         except EtnetError as error:
-            self._post(LanePlanned(plan, trouble=str(error)))
+            self._post(RunPlanned(plan, trouble=str(error)))

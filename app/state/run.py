@@ -10,7 +10,7 @@ from etnet.windows import Policy
 
 
 @dataclass(frozen=True, slots=True)
-class Lane:
+class Run:
     """A reconstruction beside the main one; `None` is "as the main one"."""
 
     model_id: str | None = None
