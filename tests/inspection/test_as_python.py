@@ -41,7 +41,7 @@ from etnet.inspection.asked import NEEDED, Asked, What
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
-from etnet.nets.runtime import Runtime, apply_runtime
+from etnet.nets.runtime import apply_runtime, default_runtime
 from etnet.nets.weights import load_model, save_weights
 from etnet.playback.playback import Playback
 from etnet.windows import ByCount, ByDensity, from_window, plan_windows
@@ -260,7 +260,7 @@ def test_all_that_decides_the_bits_is_in_ten_lines(files: tuple[str, str]):
     recording = open_recording(files[0], assume=opened.assumed, view=opened.view)
     recording = cleaned(recording, everything.cleaning)
     model = load_model(files[1])
-    apply_runtime(model, Runtime("bf16"))
+    apply_runtime(model, default_runtime("bf16", "cpu"))
     whole = Playback(model, recording, from_window(plan_windows(recording, ByDensity(0.1)), 2))
     changed = twin.changed(whole, 1, CHANGE, EDIT, once=True)
     attention = changed.at(3, AttentionProbe(values=True)).attention

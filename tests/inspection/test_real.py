@@ -44,8 +44,9 @@ def test_the_events_near_a_pixel_make_it_and_their_weights_add_up(playback: Play
         assert float(window.weights.sum(dtype=float)) == pytest.approx(total, rel=1e-3, abs=1e-6)
     last = found.windows[-1]
     distance = np.hypot(last.events.x - float(PIXEL[0]), last.events.y - float(PIXEL[1]))
-    weight = np.abs(last.weights)
-    assert np.average(distance, weights=weight) < distance.mean() / 2
+    weight, is_near = np.abs(last.weights), distance < 16
+    # A network that looks far owes something to far events, too: what counts is that near ones weigh many times more.
+    assert weight[is_near].sum() / weight.sum() > 5 * is_near.mean()
 
 
 @pytest.mark.real
