@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from etnet.nets.presets import Network
 
 RULES = 1
-"""Raised when a score would come out differently for the same inputs: old results are then computed anew."""
+"""Raised when a score would come out differently for the same inputs: old results are then computed again."""
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,7 @@ class Evaluation:
         grey = _mean_grey(self._truth, self.plan)
         device = device_of(self._model)
         for done, item in enumerate(self.plan.items, start=1):
-            # Entered anew for each window: whoever asks for the next one later is not in it meanwhile.
+            # Entered for each window: the caller is not inside it between two windows.
             with torch.inference_mode():
                 voxel = window_voxel(self._model, self._recording, item.window)[None].to(device)
                 pyramid, state = self._model.encode(voxel, state)

@@ -67,7 +67,7 @@ class EventCache:
     """Takes events in pieces and gives them back as four whole columns.
 
     The buffer is as large as the cap from the start: memory that is never touched costs nothing, and no event is copied
-    twice. When it is full, it goes to the scratch files and is filled anew.
+    twice. When it is full, it goes to the scratch files and is filled again.
     """
 
     def __init__(self, scratch: Scratch) -> None:
@@ -77,7 +77,7 @@ class EventCache:
         self._is_spilled = False
         self.capacity = max(1, MEMORY_CAP // BYTES_PER_EVENT)
         # glibc gives freed memory back to the system beyond twice the largest piece that was freed before. A decoder
-        # asks for its few megabytes again with every block: without this, half of its time is faulting them in anew.
+        # asks for its few megabytes again with every block: without this, half of its time is faulting them in again.
         np.empty(_KEPT_HEAP, np.uint8)
         self._buffer = Columns(*(np.empty(self.capacity, dtype) for _, dtype in _COLUMNS))
 
@@ -152,7 +152,7 @@ class ColumnSource:
         return Events(x, y, t, p, self.sensor)
 
     def close(self) -> None:
-        """The scratch folder belongs to whoever made it."""
+        """The scratch folder belongs to the one who made it."""
 
 
 @dataclass

@@ -95,7 +95,7 @@ class _KeptSource:
         return Events(events.x[chosen], events.y[chosen], events.t[chosen], events.p[chosen], self.sensor)
 
     def close(self) -> None:
-        """The other recording belongs to whoever opened it."""
+        """The other recording belongs to the one who opened it."""
 
 
 def _kept(recording: Recording, cleaning: Cleaning) -> Iterator[UInt32[np.ndarray, " n"]]:

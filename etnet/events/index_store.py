@@ -1,4 +1,4 @@
-"""Time indices of large files, kept in the user's cache folder. Whatever is wrong with one, it is made anew."""
+"""Time indices of large files, kept in the user's cache folder. One that is wrong in any way is made again."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def load_index(path: Path) -> Arrays | None:
 
 
 def save_index(path: Path, arrays: Arrays) -> None:
-    """Keep them. The file appears whole, whoever else writes it; where the folder cannot be written nothing is kept."""
+    """Keep them. The file appears whole, even if others write it; where no file can be written nothing is kept."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     with contextlib.suppress(OSError):

@@ -151,7 +151,7 @@ def _write_frames(part: _Part, file: h5py.File, first: int, last: int) -> int:
     begin = max(0, int(np.searchsorted(truth.stamps, first, "right")) - 1)
     end = int(np.searchsorted(truth.stamps, last, "right"))
     for number, index in enumerate(range(begin, end)):
-        part.progress(1.0)  # whoever wants to stop can do so between frames too
+        part.progress(1.0)  # it can be stopped between frames, too
         stamp = int(truth.stamps[index])
         white, kind = (255, np.uint8) if truth.white == 255 else (65_535, np.uint16)
         pixels = np.rint(np.clip(truth.read_frame(index), 0, 1) * white).astype(kind)

@@ -62,7 +62,7 @@ class Session:
     contract: Contract
     change: Change | None = None
     seeds: Mapping[str, int] = field(default_factory=dict)
-    """What was drawn at random before the events were there, as whoever made them says (a simulator's). Rendering draws
+    """What was drawn at random before the events were there, as their maker says (a simulator's). Rendering draws
     nothing, so the command line and the viewer, which render a recording that is there, leave it empty."""
     opened: OpenedAs | None = None
     """How the recording's file was opened; `None` where that is not known (events in memory, an older session)."""

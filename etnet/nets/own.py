@@ -1,4 +1,4 @@
-"""Somebody's own network from a Python file that he names himself: its code is run, as any script of his would be."""
+"""A user's own network from a Python file that they name: its code is run, as any script of theirs would be."""
 
 from __future__ import annotations
 

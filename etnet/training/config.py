@@ -208,8 +208,8 @@ class TrainConfig:
     start: Path | None = None
     """Weights to begin with, whose parts that fit are taken; fresh ones else."""
     initialise: Literal["default", "local", "local-attention", "upsampler"] = "default"
-    """"local": TPA and half of the upsampler begin anew, attention looking about itself; "local-attention": attention
-    alone does; "upsampler": its blocks alone begin anew (`initialise.py`)."""
+    """"local": TPA and half of the upsampler start fresh, attention looking about itself; "local-attention": attention
+    alone does; "upsampler": its blocks alone start fresh (`initialise.py`)."""
     stages: tuple[Stage, ...] = (Stage(10_000),)
     truncate: int = 10
     """Windows that gradients run back through."""

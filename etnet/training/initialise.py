@@ -24,11 +24,11 @@ FEED_FORWARD_GAIN = 0.3
 """Small writes to the residual stream, so that content and positions are still there in the last layer."""
 
 DEEP_PATH = ("tpa.", "upsampler.0.", "upsampler.1.")
-"""Names of the parts that `start_locally` begins anew."""
+"""Names of the parts that `start_locally` initialises again."""
 
 
 def start_locally(model: ETNet, generator: torch.Generator) -> None:
-    """Begin TPA and the first two blocks of the upsampler anew, alive (He et al. 2015) and looking about itself."""
+    """Initialise TPA and the first two blocks of the upsampler: alive (He et al. 2015), attention looking about itself."""
     for module in model.tpa.modules():
         if isinstance(module, FeedForward):
             nn.init.xavier_normal_(module.contract.weight, gain=FEED_FORWARD_GAIN, generator=generator)
@@ -40,7 +40,7 @@ def start_locally(model: ETNet, generator: torch.Generator) -> None:
 
 
 def start_upsampler(blocks: Iterable[nn.Module], generator: torch.Generator) -> None:
-    """Begin blocks of the upsampler anew, each unit firing for half of what it sees (He et al. 2015)."""
+    """Initialise blocks of the upsampler again, each unit firing for half of what it sees (He et al. 2015)."""
     for block in blocks:
         assert isinstance(block, Upsample)
         convolution = block.conv.conv

@@ -1,4 +1,4 @@
-"""Stamps of 32 bits: µs that begin anew after 71.6 minutes. Whoever looks for a later moment needs them unrolled."""
+"""Stamps of 32 bits: µs that wrap after 71.6 minutes. A later moment is found only once they are unrolled."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def is_out_of_order(stamps: Integer[np.ndarray, " n"]) -> bool:
 def collect_unrolled(
     request: Request, num_events: int, read_columns: ReadColumns, declared: Sensor | None, remarks: Remarks
 ) -> Collected:
-    """All events, with stamps that go on where the clock begins anew; that is told."""
-    remarks.repaired("the 32-bit stamps begin anew (every 71.6 minutes) and were unrolled")
+    """All events, with stamps that go on where the clock wraps; that is told."""
+    remarks.repaired("the 32-bit stamps wrap (every 71.6 minutes) and were unrolled")
     return collect(request, _unrolled(pages(num_events, read_columns)), declared, remarks)
 
 

@@ -160,8 +160,8 @@ def collect(
 
 
 def say_unrolled(remarks: Remarks) -> None:
-    """That a clock of 32 bits went on where it began anew; once."""
-    text = "the 32-bit stamps begin anew (every 71.6 minutes) and were unrolled"
+    """That a clock of 32 bits went on where it wrapped; once."""
+    text = "the 32-bit stamps wrap (every 71.6 minutes) and were unrolled"
     if not any(remark.text == text for remark in remarks.kept):
         remarks.repaired(text)
 

@@ -43,7 +43,7 @@ def _open(request: Request) -> Opened:
 
 
 def _without_marks(rows: np.ndarray, stamps: np.ndarray, remarks: Remarks) -> tuple[np.ndarray, np.ndarray]:
-    """Events alone. A row y = 240, below the sensor, marks that the recorder's clock of 13 bits began anew."""
+    """Events alone. A row y = 240, below the sensor, marks that the recorder's clock of 13 bits wrapped."""
     is_mark = rows[:, 1] == _MARK
     if not is_mark.any():
         return rows, stamps

@@ -142,7 +142,7 @@ def _evidence(t: Column, num_pixels: int) -> Evidence:
             break
         has_fractions = has_fractions or bool((values != np.rint(values)).any())
     if last < first and ends[0].dtype.kind in "iu":
-        last += 2.0**32  # a clock of 32 bits that began anew; of anything else time runs back, which is told later
+        last += 2.0**32  # a clock of 32 bits that wrapped; of anything else time runs back, which is told later
     return Evidence(len(t), first, last, num_pixels, has_fractions)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Int64
 
 PERIOD = 1 << 32
-"""µs after which a clock of 32 bits begins anew: 71.6 minutes."""
+"""µs after which a clock of 32 bits wraps: 71.6 minutes."""
 
 SMALL_STEP_BACK = 1000
 """µs. Cameras' own clocks step back this little between packets; more is a fault that a person must decide about."""
@@ -108,7 +108,7 @@ _NONE = np.empty(0, np.int64)
 
 @dataclass
 class Clock32:
-    """Goes on where a clock of 32 bits begins anew, piece by piece."""
+    """Goes on where a clock of 32 bits wraps, piece by piece."""
 
     last: int | None = None
     turns: int = 0

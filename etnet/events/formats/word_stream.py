@@ -27,7 +27,7 @@ def set_bits(masks: UInt32[np.ndarray, " n"]) -> tuple[Int64[np.ndarray, " m"], 
 
 
 def unrolled(stamps: Int64[np.ndarray, " n"], period: int, last: int | None, turns: int) -> tuple[np.ndarray, int]:
-    """Counters that begin anew after `period` as ever growing ones, and the number of turns after the last.
+    """Counters that wrap after `period` as ever growing ones, and the number of turns after the last.
 
     `last` is the counter before the first. Steps back by less than half a period are left for others to judge.
     """

@@ -42,8 +42,8 @@ def test_a_clock_that_began_anew_goes_on_and_is_told(tmp_path: Path, written: Ca
         assert (read.t - read.t[0]).tolist() == [1000 * i for i in range(6)]
         assert read.x.tolist() == [x for _, x, _, _ in events]
         assert read.p.tolist() == [2 * p - 1 for *_, p in events]
-        told = [remark.text for remark in recording.remarks if "anew" in remark.text]
-    assert told == ["the 34-bit clock begins anew (every 4.8 hours) and was unrolled"]
+        told = [remark.text for remark in recording.remarks if "wraps" in remark.text]
+    assert told == ["the 34-bit clock wraps (every 4.8 hours) and was unrolled"]
 
 
 @pytest.mark.parametrize("written", [evt2, evt21])
@@ -51,7 +51,7 @@ def test_a_clock_that_did_not_is_not_spoken_of(tmp_path: Path, written: Callable
     path = tmp_path / "short.raw"
     path.write_bytes(written([(PERIOD - 9000 + 1000 * i, i, i, 1) for i in range(6)]))
     with open_recording(path) as recording:
-        assert not [remark for remark in recording.remarks if "anew" in remark.text]
+        assert not [remark for remark in recording.remarks if "wraps" in remark.text]
 
 
 TURN = 1 << 24

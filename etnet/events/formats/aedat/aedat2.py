@@ -85,7 +85,7 @@ def _open(request: Request) -> Opened:
     if inertial is not None:
         remarks.assumed("motion is scaled for ±4 g and ±500 °/s, jAER's usual ranges")
     if other.num_turns > 0:
-        remarks.repaired(f"the clock begins anew {other.num_turns} times (every 71.6 minutes) and was unrolled")
+        remarks.repaired(f"the clock wraps {other.num_turns} times (every 71.6 minutes) and was unrolled")
     triggers = other.triggers.triggers(remarks)
     kept = tuple(remarks.kept)
     return Opened(

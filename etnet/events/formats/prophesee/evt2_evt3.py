@@ -27,7 +27,7 @@ class State(NamedTuple):
     """What a block's first words depend on. Whole numbers all, so that an index can hold it as a row."""
 
     turns: int = 0
-    """How often the high time began anew."""
+    """How often the high time wrapped."""
     high: int = -1
     """The last high time; −1 before the first, and events before it have no time."""
     low: int = 0

@@ -13,7 +13,7 @@ from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.decode import Collected
 
 CLOCK_PERIOD = 1 << 34
-"""µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 begin anew."""
+"""µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 wrap."""
 
 _PLUGINS = (
     ("gen31", Sensor(640, 480)),
@@ -97,6 +97,6 @@ def read_header(request: Request) -> Header:
 
 
 def tell_turns(collected: Collected, remarks: Remarks) -> None:
-    """Say that the clock of EVT 2.0 and 2.1 began anew. EVT 3.0's does so every 17 s, by design."""
+    """Say that the clock of EVT 2.0 and 2.1 wrapped. EVT 3.0's does so every 17 s, by design."""
     if collected.span.stop >= CLOCK_PERIOD:
-        remarks.repaired("the 34-bit clock begins anew (every 4.8 hours) and was unrolled")
+        remarks.repaired("the 34-bit clock wraps (every 4.8 hours) and was unrolled")

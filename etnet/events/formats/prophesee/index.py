@@ -140,7 +140,7 @@ def _go_on(builder: Iterator[float], growing: Growing, path: Path) -> Growing:
                 time.sleep(0)
             save_index(path, growing.arrays())
         except OSError:
-            # The file went away; whoever opens it again is told.
+            # The file went away; opening it again says so.
             return
         finally:
             growing.growth.is_over = True
