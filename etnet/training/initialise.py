@@ -28,7 +28,7 @@ DEEP_PATH = ("tpa.", "upsampler.0.", "upsampler.1.")
 
 
 def start_locally(model: ETNet, generator: torch.Generator) -> None:
-    """Initialise TPA and the first two blocks of the upsampler: alive (He et al. 2015), attention looking about itself."""
+    """Initialise TPA and the first two blocks of the upsampler: alive (He et al. 2015), attention local."""
     for module in model.tpa.modules():
         if isinstance(module, FeedForward):
             nn.init.xavier_normal_(module.contract.weight, gain=FEED_FORWARD_GAIN, generator=generator)

@@ -46,7 +46,7 @@ def test_a_32_bit_clock_that_begins_anew_goes_on_wherever_it_does(suffix, num_ev
         assert recording.span == (first + offset, int(t[-1]) + offset)
         np.testing.assert_array_equal(all_events(recording).t, t + offset)
         told = [remark.text for remark in recording.remarks if remark.kind == "repaired"]
-    assert told == ["the 32-bit stamps begin anew (every 71.6 minutes) and were unrolled"]
+    assert told == ["the 32-bit stamps wrap (every 71.6 minutes) and were unrolled"]
 
 
 def test_a_small_step_back_in_dat_is_sorted_and_not_called_a_turn(tmp_path):
