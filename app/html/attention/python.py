@@ -49,7 +49,7 @@ def described(moment: Moment, ready: Ready, named: Named, request: FrameRequest 
 
 
 def code_html(text: str, is_shown: bool, switch: str) -> str:
-    """A button that shows the lines, and the lines with a button that copies them. `switch`: its key, up to the word."""
+    """A button that shows the lines, and the lines with one that copies them. `switch`: its key without the word."""
     opener = icon_button(f"{switch}:{not is_shown}", "code", "Copy as Python", is_on=is_shown)
     head = f'<div class="et-caption"><span>Copy as Python</span>{opener}</div>'
     if not is_shown:

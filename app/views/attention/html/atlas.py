@@ -42,7 +42,7 @@ def atlas_html(page: Page) -> tuple[str, str, str]:
         f"set:attention.order:{order}",
     )  # fmt: skip
     if shown is None:
-        return "", tools, panel("attention", missing(page))
+        return "", tools, panel("attention", missing(page, is_brief=True))
     effects = effects_of(shown)
     note = "bars: effect of each head on this pixel when masked" + _progress(shown)
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"

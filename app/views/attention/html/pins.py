@@ -9,6 +9,7 @@ from app.html.attention.changed import site_name
 from app.html.attention.maps import head_words
 from app.html.units import count
 from app.views.attention.html.shown import Shown
+from app.views.attention.jobs.time import PinJob
 from app.views.attention.state import PinnedMap
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def difference_of(shown: Shown) -> Difference | None:
     """`None` where nothing is compared, the pin is not computed yet, or the two grids differ."""
     slice_ = shown.slice_
     found = shown.page.results.get("attention.pin")
-    if slice_.pinned is None or found is None or found.value is None or found.job.pinned != slice_.pinned:
+    if slice_.pinned is None or found is None or found.value is None or found.job != PinJob(slice_.pinned):
         return None
     then: Pin = found.value
     if then.grid != shown.grid:

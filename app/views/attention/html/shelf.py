@@ -25,7 +25,7 @@ def heads_html(page: Page) -> tuple[str, str]:
     """Note and body of the card of heads."""
     shown = shown_of(page)
     if shown is None:
-        return "", panel("heads", missing(page))
+        return "", panel("site-heads", missing(page, is_brief=True))
     effects = effects_of(shown).get(shown.site)
     cells: list[tuple[float, str]] = []
     for head, row in enumerate(shown.rows()):
@@ -38,16 +38,13 @@ def heads_html(page: Page) -> tuple[str, str]:
         title = f"{bits:.2f} bits, mean distance {pixels:.0f} px"
         label = f'<span class="et-label" title="{title}"><b>{head}</b><span>{effect}</span></span>'
         place = {"network": head, "effect": -abs(value), "entropy": bits, "distance": -pixels}[shown.look.order]
-        cells.append(
-            (
-                float("inf") if np.isnan(place) else float(place),
-                f'<div class="et-thumb{mark}{" et-muted" if muted else ""}" data-testid="head-{head}">{map_}{label}</div>',
-            )
-        )
+        mark += " et-muted" if muted else ""
+        cell = f'<div class="et-thumb{mark}" data-testid="head-{head}">{map_}{label}</div>'
+        cells.append((float("inf") if np.isnan(place) else float(place), cell))
     in_order = "".join(cell for _, cell in sorted(cells, key=lambda cell: cell[0]))
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)});--heads:{len(cells)}"
-    body = f'<div class="et-heads et-site-heads">{in_order}</div>'
-    return "effect on this pixel when masked", panel("heads", body, style=style)
+    body = f'<div class="et-heads et-row-of-heads">{in_order}</div>'
+    return "effect on this pixel when masked", panel("site-heads", body, style=style)
 
 
 def tokens_html(page: Page) -> tuple[str, str, str, str]:
@@ -58,7 +55,7 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
     title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
     shown = shown_of(page)
     if shown is None:
-        return title, "", tools, panel("tokens", missing(page))
+        return title, "", tools, panel("tokens", missing(page, is_brief=True))
     found = shown.result("tokens", site=shown.site)
     if found is None:
         return title, "", tools, panel("tokens", _waits(page.results.get("attention.tokens"), "one pass of TPA"))
@@ -103,13 +100,11 @@ def time_html(page: Page) -> tuple[str, str, str]:
     )
     shown = shown_of(page)
     if shown is None:
-        return "", tools, panel("time", missing(page))
+        return "", tools, panel("time", missing(page, is_brief=True))
     result = page.results.get("attention.curve")
-    is_answer = result is not None and result.value is not None and _answers(shown, result)
-    if not is_answer or result is None:
+    if result is None or not isinstance(result.value, Curve) or not _answers(shown, result):
         return "", tools, panel("time", _waits(result, "one window after the other"))
-    curve: Curve = result.value
-    note = _curve_words(shown, slice_)
+    curve, note = result.value, _curve_words(shown, slice_)
     waits = "" if result.is_whole else under_way(result.share, f"{len(curve.indices)} of {curve.wanted} windows")
     return note, tools, panel("time", _drawn(shown, curve), waits)
 

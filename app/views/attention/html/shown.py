@@ -15,6 +15,7 @@ from app.html.attention.maps import gathered, rows_of
 from app.html.controls import under_way
 from app.html.elements import empty
 from app.html.moment import ARRAYS
+from app.html.units import milliseconds
 from app.views.attention.jobs.site import SiteFacts
 from app.views.attention.state import AttentionState, look_of
 from app.views.page import Page
@@ -104,8 +105,8 @@ def lacks_attention(page: Page) -> str:
     return found.value.lacks.get("attention", "")
 
 
-def missing(page: Page) -> str:
-    """Why there are no maps yet, and how far they are; empty where there are."""
+def missing(page: Page, is_brief: bool = False) -> str:
+    """Why there are no maps yet, and how far they are; empty where there are. `is_brief`: the stage says it."""
     ready, failed = page.ready, page.failed
     if page.moment is None:
         return empty("No recording", page.trouble or "Choose one in the bar.")
@@ -115,11 +116,13 @@ def missing(page: Page) -> str:
         return empty("Choose a pixel", "Click into the image: every map then shows what the network attends to there.")
     if ready is not None and ready.attention is not None and ready.attention.sites:
         return ""
+    if is_brief:
+        return '<div class="et-note">Follows with the maps.</div>'
     if failed is not None:
         return empty("No maps", failed.message)
     if ready is None:
         return under_way(0.0, "computing the first image")
-    took = f", about {page.step_milliseconds:.0f} ms" if page.step_milliseconds else ""
+    took = f", about {milliseconds(page.step_milliseconds)}" if page.step_milliseconds else ""
     return under_way(0.0, f"one decode for the maps of all heads{took}")
 
 

@@ -85,7 +85,8 @@ def _map(slice_: AttentionState) -> str:
     weight = _choice("Weight", "weight", weights, slice_.weight)
     if slice_.direction == "attended by":
         weight = _row("Weight", '<span class="et-note">α; values are handed over along rows alone</span>')
-    return f"<h4>Map</h4>{_row('Head aggregation', heads)}{_choice('Direction', 'direction', ways, slice_.direction)}{weight}"
+    direction = _choice("Direction", "direction", ways, slice_.direction)
+    return f"<h4>Map</h4>{_row('Head aggregation', heads)}{direction}{weight}"
 
 
 def _range(shown: Shown | None, slice_: AttentionState) -> str:
@@ -150,7 +151,8 @@ def _matters(shown: Shown) -> str:
     largest = max((abs(here) for _, here, _ in measured if here is not None), default=0.0)
     rows = "".join(
         f'<span class="et-note">{words}</span><span class="et-measure" data-testid="matters">'
-        f"{'' if here is None else plain_bar(abs(here), largest)}<b>{'…' if here is None else f'{abs(here):.4f}'}</b></span>"
+        + ("<i></i><b>…</b>" if here is None else f"{plain_bar(abs(here), largest)}<b>{abs(here):.4f}</b>")
+        + "</span>"
         for words, here, _ in measured
     )
     images = ", ".join("…" if image is None else f"{image:.4f}" for _, _, image in measured)

@@ -85,7 +85,7 @@ def _line(shown: Shown) -> str:
     words = library_words(shown)
     mark = changed_at(shown.ready.request.intervention, shown.site)
     changed = chip(mark, "warning", "Changed on purpose; see Change") if mark else ""
-    name = f"<code>{escape(shown.site)} · token {shown.token}</code>"
+    name = f'<code title="as the library calls it; the token">{escape(shown.site)} · {shown.token}</code>'
     return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{changed}{name}</div>'
 
 
@@ -112,7 +112,7 @@ def _map(shown: Shown) -> str:
         is_smooth=shown.look.is_smooth,
     )
     key = Site.of(shown.site)
-    reads = resolution(source(key, shown.attention.sites))
+    reads = resolution(source(key, shown.attention.sites) if key.kind == "cross" else key.scale)
     num = count(shown.grid.num_tokens)
     if shown.look.direction == "attends to":
         left = f"reads {reads} · ≈ {tokens_words(row)} of {num} tokens"
@@ -173,13 +173,13 @@ def _foot(shown: Shown) -> str:
         sharp = f"entropy <b>{bits:.2f}</b> {most} bits"
     else:
         both = head_entropies(torch.from_numpy(rows)[:, None])
-        sharp = f"entropy of the mean map <b>{bits:.2f}</b>, mean of the heads <b>{float(both.mean_of_heads):.2f}</b>"
-        sharp += f" {most} bits"
+        of_heads = float(both.mean_of_heads)
+        sharp = f"entropy <b>{bits:.2f}</b> (mean map) <b>{of_heads:.2f}</b> (mean of heads) {most} bits"
     is_whole = shown.look.direction == "attends to" and (shown.look.head is not None or shown.look.gather == "mean")
     total = f"<span>sum {float(row.sum()):.4f}</span>" if is_whole else ""
     return (
         f'<div class="et-caption" data-testid="map-facts"><span>{sharp}</span>'
-        f"<span>mean distance <b>{pixels:.0f}</b> px</span>{total}</div>"
+        f'<span title="mean distance"><b>{pixels:.0f}</b> px</span>{total}</div>'
     )
 
 

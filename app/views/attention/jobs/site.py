@@ -103,7 +103,7 @@ class TokensJob:
 
 @dataclass(frozen=True, slots=True)
 class BasisJob:
-    """Three directions for the tokens of a site, fitted once a recording, so that colours keep their meaning in play."""
+    """Three directions for a site's tokens, fitted once a recording, so that colours keep their meaning in play."""
 
     request: FrameRequest
     site: str
