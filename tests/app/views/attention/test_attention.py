@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from app.views.attention.html.grid import attention_html, site_html
 
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
@@ -12,7 +13,6 @@ from app.html.moment import PICTURES
 from app.html.tones import Tones
 from app.state.view_state import ViewState
 from app.views.attention.html import grid
-from app.views.attention.html.grid import attention_html, site_html
 from app.views.attention.state import AttentionState, look_in
 from app.views.reconstruction.state import ReconstructionState
 from tests.app.checked_html import Checker
