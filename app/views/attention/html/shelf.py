@@ -42,7 +42,7 @@ def heads_html(page: Page) -> tuple[str, str]:
         cell = f'<div class="et-thumb{mark}" data-testid="head-{head}">{map_}{label}</div>'
         cells.append((float("inf") if np.isnan(place) else float(place), cell))
     in_order = "".join(cell for _, cell in sorted(cells, key=lambda cell: cell[0]))
-    style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)});--heads:{len(cells)}"
+    style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
     body = f'<div class="et-heads et-row-of-heads">{in_order}</div>'
     return "effect on this pixel when masked", panel("site-heads", body, style=style)
 

@@ -81,12 +81,10 @@ def _tools(shown: Shown) -> str:
 
 
 def _line(shown: Shown) -> str:
-    """Direction and scales in words, the library's name of the site, the token, and what is changed here."""
+    """Direction and scales in words, the library's name of the site, and the token."""
     words = library_words(shown)
-    mark = changed_at(shown.ready.request.intervention, shown.site)
-    changed = chip(mark, "warning", "Changed on purpose; see Change") if mark else ""
     name = f'<code title="as the library calls it; the token">{escape(shown.site)} · {shown.token}</code>'
-    return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{changed}{name}</div>'
+    return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{name}</div>'
 
 
 def library_words(shown: Shown) -> str:
@@ -126,7 +124,7 @@ def _map(shown: Shown) -> str:
         "</span>"
     )
     badge = f'<span class="et-chip et-exact" data-testid="reads">{escape(left)}</span>'
-    return f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges">{badge}{right}</div></div>'
+    return _staged(shown, image, badge + right)
 
 
 def _difference(shown: Shown, apart: Difference, base: str) -> str:
@@ -144,7 +142,7 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
     )
     tones = shown.look.tones
     frames = "".join(
-        f'<figure class="et-thumb"><span class="et-picture"><img alt="{words}" src="'
+        f'<figure><span class="et-picture"><img alt="{words}" src="'
         f'{data_url(tone_map(each.frame.float().cpu().numpy(), tones.tone, tones.is_linear_light), False)}"></span>'
         f'<figcaption class="et-label"><b>{words}</b> window {each.index} · {escape(each.model)}</figcaption></figure>'
         for words, each in (("now", found.now), ("then", found.then))
@@ -154,9 +152,18 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
     badge = f'<span class="et-chip et-plain" data-testid="a-minus-b">{said}</span>'
     readout = '<span class="et-chip" data-etv-readout>point at a token</span>'
     return (
-        f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges">{badge}{readout}</div></div>'
-        f'<div class="et-pair et-frames-below">{frames}</div>'
-        f'<div class="et-note">A − B: now against {escape(pin_words(apart.pinned))}</div>'
+        f"{_staged(shown, image, badge + readout)}"
+        f'<div class="et-pair et-frames-below" title="{escape(pin_words(apart.pinned))}">{frames}</div>'
+    )
+
+
+def _staged(shown: Shown, image: str, badges: str) -> str:
+    """A picture with what is said of it; what is changed at its site is marked on it."""
+    mark = changed_at(shown.ready.request.intervention, shown.site)
+    changed = f'<div class="et-mark">{chip(mark, "warning", "Changed on purpose; see Change")}</div>' if mark else ""
+    return (
+        f'<div class="et-stage-map" data-etv-focus="1" tabindex="0">{image}{changed}'
+        f'<div class="et-badges">{badges}</div></div>'
     )
 
 
