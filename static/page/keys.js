@@ -40,7 +40,7 @@
     "keydown",
     (event) => {
       if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
-      if (event.key === "x" && !event.repeat) press("inspect:original:on");
+      if (event.key.toLowerCase() === "x" && !event.repeat) press("inspect:original:on");
       if (!isOnMap || !document.querySelector("[data-etv-query]")) return;
       if (moves[event.key]) move(moves[event.key]);
       else if (event.key === "[" || event.key === "]") site(event.key === "]" ? 1 : -1);
@@ -52,7 +52,7 @@
     },
     true,
   );
-  window.addEventListener("keyup", (event) => event.key === "x" && !isTyping(event) && press("inspect:original:off"), true);
+  window.addEventListener("keyup", (event) => event.key.toLowerCase() === "x" && !isTyping(event) && press("inspect:original:off"), true);
   window.addEventListener("blur", () => document.querySelector("[data-etv-original]") && press("inspect:original:off"));
 
   // The number under the pointer.

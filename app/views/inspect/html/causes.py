@@ -68,7 +68,8 @@ def sources_html(figure: Sources | None) -> str:
         width = WIDEST * abs(value) / largest
         signed = f"{value:+.4f}".replace("-", "−")
         drawn += (
-            f'<g><title>{escape(stage_words(name))}: {signed}</title><path d="M150 {at - 4:.0f} C 220 {at - 4:.0f}, 230 {middle:.0f}, 292 {middle:.0f}" fill="none"'
+            f'<g><title>{escape(stage_words(name))}: {signed}</title><path fill="none"'
+            f' d="M150 {at - 4:.0f} C 220 {at - 4:.0f}, 230 {middle:.0f}, 292 {middle:.0f}"'
             f' stroke="var(--accent)" stroke-opacity="0.55" stroke-width="{max(width, 0.3):.2f}"'
             f' data-testid="source"/></g>'
             f'<text x="16" y="{at:.0f}">{escape(stage_words(name))}</text>'
