@@ -102,10 +102,12 @@ class LoadedPlayback:
         at = request.index if request.since is None else request.since
         if at > request.index:
             raise ModelError(f"window {request.index} lies before window {at}, at which the change begins")
-        key = (at, request.intervention, request.edit)
+        key = (at, request.intervention, request.edit, request.once)
         if self.branch is None or self.branch[0] != key:
+            from etnet.inspection.twin import changed
+
             share = self.budget_bytes
-            self.branch = key, self.playback.branch(at, request.intervention, request.edit)
+            self.branch = key, changed(self.playback, at, request.intervention, request.edit, request.once)
             self.budget_bytes = share
         return self.branch[1], ORIGINAL
 

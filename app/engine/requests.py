@@ -34,6 +34,8 @@ class FrameRequest:
     edit: EventEdit = UNEDITED
     since: int | None = None
     """From which window on `intervention` and `edit` are carried in the memory; `None`: in this window alone."""
+    once: bool = False
+    """They hold in window `since` alone; later windows differ by what the memory carries on."""
     cleaning: Cleaning = UNCLEANED
     """What is taken out of the recording before it is cut into windows."""
     cold_at: int = 0
@@ -45,9 +47,9 @@ class FrameRequest:
         return self.index, *self.change
 
     @property
-    def change(self) -> tuple[Intervention, EventEdit, int | None]:
+    def change(self) -> tuple[Intervention, EventEdit, int | None, bool]:
         """What is done to the network and its events on purpose."""
-        return self.intervention, self.edit, self.since
+        return self.intervention, self.edit, self.since, self.once
 
     @property
     def is_original(self) -> bool:
@@ -57,12 +59,12 @@ class FrameRequest:
     @property
     def needs_branch(self) -> bool:
         """Whether what is changed reaches the memory, and not the decoding alone."""
-        return self.intervention.changes_memory or not self.edit.changes_nothing
+        return self.once or self.intervention.changes_memory or not self.edit.changes_nothing
 
     @property
     def plain(self) -> FrameRequest:
         """The same window, with nothing changed and nothing probed: what jobs of the original are about."""
-        return replace(self, wants_attention=False, intervention=ORIGINAL, edit=UNEDITED, since=None)
+        return replace(self, wants_attention=False, intervention=ORIGINAL, edit=UNEDITED, since=None, once=False)
 
     @property
     def playback(self) -> tuple[str, str, Precision, Policy, Cleaning, int]:

@@ -51,15 +51,15 @@ def part_words(name: str) -> tuple[str, str]:
     kind, _, number = name.partition(" ")
     match kind:
         case "TPA":
-            return "transformer (TPA)", "the transformer’s output is set to zero"
+            return "TPA", "TPA’s output is set to zero"
         case "attention":
-            return "where it looks", "every place is read alike"
+            return "Uniform attention", "every token is attended to alike, at every site"
         case "decoders":
-            return "its decoders", "the decoders are left out of its mean"
+            return "Decoders", "the decoders are left out of TPA’s mean"
         case "scale":
-            return f"its scale {resolution(int(number))}", "this scale is left out of its mean"
+            return f"Scale {resolution(int(number))}", "this scale is left out of TPA’s mean"
         case "skip":
-            return f"skip at {resolution(int(number))}", "this skip connection carries nothing"
+            return f"Skip {resolution(int(number))}", "this skip connection carries nothing"
     return name, ""
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from app.engine.requests import Failed, Ready, Working
+from app.html.attention.changed import change_words
 from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
 from app.html.tones import Tones
@@ -111,7 +112,7 @@ def badges(ready: Ready, tones: Tones) -> str:
             )
         )
     elif not ready.request.is_original:
-        found.append(chip("changed", "warning", "A part of the network or its events is changed"))
+        found.append(chip("changed", "warning", change_words(*ready.request.change[:2])))
         found.append('<button class="et-button" data-k="inspect:reset" data-pick="1">Reset all</button>')
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))

@@ -17,7 +17,7 @@ from app.session.loader import RecordingLoader
 from app.state.link import to_link
 from app.state.view_state import ViewState
 from app.views.page import Choice, Page, RunFrame
-from app.views.view import View, areas, open_views
+from app.views.view import View, areas, changing_views, open_views
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,8 @@ class PageComposer:
             areas=areas(state, self.views),
         )
         opened = open_views(state, self.views)
+        marking = dict.fromkeys((*opened, *changing_views(state, self.views)))
         clouds = (cloud for view in opened if (cloud := view.cloud(page)) is not None)
         return replace(
-            page, over_timeline="".join(view.over_timeline(page) for view in opened), cloud=next(clouds, None)
+            page, over_timeline="".join(view.over_timeline(page) for view in marking), cloud=next(clouds, None)
         )

@@ -169,8 +169,8 @@ class VisitorRuns:
         )
         if number == 0 and answers.request is not None and answers.request.index == index:
             # The main run shows what was changed inside the network, and is scored so.
-            intervention, edit, since = answers.request.change
-            request = replace(request, intervention=intervention, edit=edit, since=since)
+            intervention, edit, since, once = answers.request.change
+            request = replace(request, intervention=intervention, edit=edit, since=since, once=once)
         ready = answers.ready
         if ready is not None and ready.request.playback != request.playback:
             ready = None  # what another network made would stand under this one's name

@@ -143,6 +143,11 @@ def touched_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
     return tuple(view for view in views if view.initial.view in touched)
 
 
+def changing_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
+    """The touched views that change requests for frames: what they mark on the timeline is seen in every workspace."""
+    return tuple(view for view in touched_views(state, views) if view.change_request is not _as_asked)
+
+
 def open_tab(state: ViewState, views: Sequence[View]) -> View | None:
     """The one whose settings are open: as a visitor chose, else the first."""
     offered = tabs(state, views)

@@ -24,7 +24,7 @@
 
   // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
   // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile.
-  const isPixel = (element) => element?.dataset.k === "pixel";
+  const isPixel = (element) => element?.dataset.k === "pixel" || element?.dataset.k.startsWith("cut:");
   const inside = (f) => Math.min(Math.max(f, 0), 0.99999);
   let held = null; // {key, box, isAxis}
   let last = 0;
@@ -197,7 +197,7 @@
   place();
   window.etnetHello();
   follow();
-  for (const name of ["tour", "upload", "tidy"]) {
+  for (const name of ["tour", "upload", "tidy", "keys"]) {
     const script = document.createElement("script");
     script.src = `/static/${name}.js`;
     document.head.append(script);

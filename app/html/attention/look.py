@@ -8,9 +8,14 @@ from typing import Literal
 from app.html.tones import Tones
 
 Gather = Literal["mean", "max", "min"]
-Order = Literal["network", "entropy", "distance"]
-Direction = Literal["reads", "read by"]
+Order = Literal["network", "effect", "entropy", "distance"]
+Direction = Literal["attends to", "attended by"]
 MapRange = Literal["shared", "per map"]
+Weight = Literal["alpha", "value"]
+"""Attention weights α, or what is handed over by them: ‖αvW_O‖."""
+SITE_PATTERN = r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)"
+"""How the library names a site."""
+MOST_HEADS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +29,6 @@ class AttentionLook:
     tones: Tones = field(default_factory=Tones)
     gather: Gather = "mean"
     order: Order = "network"
-    direction: Direction = "reads"
+    direction: Direction = "attends to"
     is_linear: bool = False
     is_smooth: bool = False

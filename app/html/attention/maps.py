@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt8
 
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook, Direction, Gather
-from app.html.elements import empty, escape, legend, marker, panel, picture
+from app.html.elements import ON_PICK, empty, escape, legend, marker, panel, picture
 from app.html.moment import ARRAYS, PICTURES
 from app.html.pictures import reconstruction_image
 from app.html.tones import Tones
@@ -32,13 +32,14 @@ from etnet.render.encode import data_url
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
+    from etnet.nets.padding import TokenGrid
 
 BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
 GATHERED: dict[Gather, str] = {
-    "mean": "mean of all heads",
-    "max": "largest of all heads",
-    "min": "smallest of all heads",
+    "mean": "mean",
+    "max": "max",
+    "min": "min",
 }
 
 
@@ -82,13 +83,13 @@ def source(site: Site, sites: tuple[str, ...]) -> int:
 
 
 def rows_of(
-    ready: Ready, attention: Attention, site: str, query: tuple[int, int], direction: Direction = "reads"
+    ready: Ready, attention: Attention, site: str, query: tuple[int, int], direction: Direction = "attends to"
 ) -> Float[np.ndarray, "heads tokens"]:
-    """What the pixel's token reads; or, "read by", what each token gives to it (those need not sum to 1)."""
+    """What the pixel's token reads; or, "attended by", what each token gives to it (those need not sum to 1)."""
     token = attention.grid.token_at(*query)
 
     def make() -> np.ndarray:
-        if direction == "read by":
+        if direction == "attended by":
             return attention.columns(site, [token])[..., 0].cpu().numpy()
         return attention.rows(site, [token])[:, 0].cpu().numpy()
 
@@ -108,8 +109,10 @@ def gathered(rows: Float[np.ndarray, "heads tokens"], head: int | None, gather: 
 
 
 def head_words(head: int | None, gather: Gather, num_heads: int | None = None) -> str:
-    """ "head 3", or "mean of all heads"."""
-    return GATHERED[gather] if head is None or (num_heads is not None and head >= num_heads) else f"head {head + 1}"
+    """ "head 3", counted from 0 as the library does, or "mean of 4 heads"."""
+    if head is not None and (num_heads is None or head < num_heads):
+        return f"head {head}"
+    return f"{GATHERED[gather]} of {num_heads if num_heads is not None else 'all'} heads"
 
 
 def tokens_words(row: np.ndarray) -> str:
@@ -128,10 +131,18 @@ def map_facts(attention: Attention, row: np.ndarray, query: tuple[int, int]) -> 
     return float(numbers.entropy), float(numbers.distance)
 
 
+def highest_of(row: np.ndarray, look: AttentionLook) -> float:
+    """× uniform at which the colours end. A column has a range of its own: its sum is not 1, and few are large."""
+    if look.map_range == "shared" and look.direction == "attends to":
+        return HIGHEST
+    largest = max(float(times_uniform(row).max()), 2 * LOWEST)
+    return largest if look.map_range == "per map" else float(2 ** np.ceil(np.log2(largest)))
+
+
 def level_of(row: np.ndarray, look: AttentionLook) -> np.ndarray:
     """A map's values as places on its colour scale, 0 … 1."""
     relative = times_uniform(row)
-    highest = HIGHEST if look.map_range == "shared" else float(relative.max())
+    highest = highest_of(row, look)
     return linear_level(relative, highest) if look.is_linear else log_level(relative, highest)
 
 
@@ -163,41 +174,76 @@ def map_html(attention: Attention, row: np.ndarray, look: AttentionLook, alt: st
     return picture(url, alt, key=key, marks=marks, size=size, classes=classes)
 
 
-def map_legend(look: AttentionLook) -> str:
-    """The colour scale in × uniform."""
+def large_map(
+    grid: TokenGrid,
+    tokens: UInt8[np.ndarray, "rows columns 4"],
+    values: Float[np.ndarray, " tokens"],
+    base: str,
+    alt: str,
+    *,
+    query: tuple[int, int] | None,
+    unit: str = "× uniform",
+    is_smooth: bool = False,
+) -> str:
+    """A map that fills its card, a token a whole number of pixels; it carries its numbers for the pointer.
+
+    A click chooses the pixel under it, on the border the nearest one of the sensor.
+    """
+    patch = patch_size()
+    width, height = grid.columns * patch, grid.rows * patch
+    key = f"cut:{-grid.left},{-grid.top},{width},{height}"
+    numbers = " ".join(f"{value:.3g}" for value in values.tolist())
+    cross = asked = ""
+    if query is not None:
+        asked = f' data-etv-query="{query[0]},{query[1]}"'
+        cross = marker((query[0] + grid.left + 0.5) / width, (query[1] + grid.top + 0.5) / height)
+    return (
+        f'<span class="et-picture et-pick et-map et-large-map{" et-smooth" if is_smooth else ""}"'
+        f' style="--ratio:{grid.columns / grid.rows:.4f};--columns:{grid.columns};--base:url({base})">'
+        f'<img src="{data_url(tokens, is_lossless=True)}" alt="{escape(alt)}" width="{grid.columns}"'
+        f' height="{grid.rows}" data-k="{key}" {ON_PICK} draggable="false" data-etv-map="{grid.columns}"'
+        f' data-etv-values="{numbers}" data-etv-unit="{escape(unit)}"{asked}>{cross}</span>'
+    )
+
+
+def map_legend(look: AttentionLook, highest: float = HIGHEST) -> str:
+    """The colour scale in × uniform; an end at which colours are clipped says so."""
+    title = "attention" if look.direction == "attends to" else "attention received"
     if look.map_range == "per map":
-        low = "0" if look.is_linear else "1/4"
-        return legend(
-            "attention, each map by its own range", css_gradient(sequential()), [(0, low), (1, "its maximum")]
-        )
+        low = "0" if look.is_linear else f"≤ {fraction(LOWEST)} ×"
+        return legend(f"{title}, each map by its own range", css_gradient(sequential()), [(0, low), (1, "its maximum")])
+    end = "≥ " if look.direction == "attends to" else ""
     if look.is_linear:
-        ticks = [(value / HIGHEST, f"{value:g} ×") for value in (0.0, 8.0, 16.0, HIGHEST)]
+        ticks = [(value / HIGHEST, f"{fraction(highest * value / HIGHEST)} ×") for value in (0.0, 8.0, 16.0)]
+        ticks = [(at, words if at else "0") for at, words in ticks]
     else:
-        powers = float(np.log2(HIGHEST / LOWEST))
-        ticks = [
-            (float(np.log2(value / LOWEST)) / powers, f"{fraction(value)} ×") for value in (LOWEST, 1.0, 4.0, HIGHEST)
-        ]
-    return legend("attention, × uniform (1 × = all tokens read alike)", css_gradient(sequential()), ticks)
+        powers = float(np.log2(highest / LOWEST))
+        inner = [value for value in (1.0, 4.0) if value < highest / 1.5]
+        ticks = [(0.0, f"≤ {fraction(LOWEST)} ×")]
+        ticks += [(float(np.log2(value / LOWEST)) / powers, f"{fraction(value)} ×") for value in inner]
+    ticks.append((1.0, f"{end}{fraction(highest)} ×"))
+    return legend(f"{title}, × uniform (1 × = all tokens alike)", css_gradient(sequential()), ticks)
 
 
 def map_ends(look: AttentionLook) -> tuple[str, str]:
     """What the lowest and the highest colour of the maps stand for."""
     low = "0" if look.is_linear else fraction(LOWEST)
-    return (f"{low} x", f"{HIGHEST:g} x uniform") if look.map_range == "shared" else (low, "each map's maximum")
+    is_shared = look.map_range == "shared" and look.direction == "attends to"
+    return (f"{low} x", f"{HIGHEST:g} x uniform") if is_shared else (low, "each map's maximum")
 
 
-def base_url(ready: Ready, attention: Attention, tones: Tones) -> str:
-    """The dimmed frame under the small maps."""
+def base_url(ready: Ready, attention: Attention, tones: Tones, pixels: int = BASE_PIXELS) -> str:
+    """The dimmed frame under the maps, in its place on the padded token grid; `pixels` for each token's side."""
     grid = attention.grid
 
     def make() -> str:
         grey = on_grid(reconstruction_image(ready, tones), grid.rows, grid.columns, grid.top, grid.left, patch_size())
-        step = max(1, patch_size() // BASE_PIXELS)
+        step = max(1, patch_size() // pixels)
         rows, columns = grey.shape[0] // step, grey.shape[1] // step
         small = grey.reshape(rows, step, columns, step).mean((1, 3)).astype(np.uint8)
         return data_url(dimmed(small), is_lossless=False)
 
-    return PICTURES.text(("base", ready.key, tones), make)
+    return PICTURES.text(("base", ready.key, tones, pixels), make)
 
 
 def patch_size() -> int:

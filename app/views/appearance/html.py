@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from app.catalogue.recording_id import listed_id
+from app.html.attention.changed import change_words, since_words
 from app.html.card import icon_button, segmented
 from app.html.elements import ON_PICK, escape
 from app.html.icons import icon
 from app.html.provenance import provenance_html
 from app.state.view_state import Workspace
 from app.views.events.html import style_html
+from app.views.inspect.state import InspectState
 from app.views.page import Page
 from app.views.reconstruction.html import tone_html
 
@@ -41,14 +43,31 @@ def bar_html(page: Page) -> str:
     facts = ""
     if page.moment is not None:
         facts = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
+    changed = "" if state.is_public else change_chip(page)
     tools = (
         _COPY.format(icon("link"))
         + icon_button("tab:export", "download", "Export")
         + icon_button("help", "help", "Shortcuts and glossary (?)")
     )
     return (
-        f'<header class="etv-bar">{mark}{_BRAND}{recordings_html(page)}{switch}'
+        f'<header class="etv-bar">{mark}{_BRAND}{recordings_html(page)}{switch}{changed}'
         f'<span class="etv-facts">{facts}</span><span class="etv-right">{tools}</span></header>'
+    )
+
+
+def change_chip(page: Page) -> str:
+    """What is changed on purpose, by name and since which window; a click shows it. Nothing while nothing is."""
+    inspected = page.state.of(InspectState)
+    change = inspected.change
+    if change.is_nothing:
+        return ""
+    words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
+    if inspected.shows_original:
+        said = "original, while x is held"
+        return f'<span class="et-chip et-exact" data-etv-original="1" title="{escape(words)}">{said}</span>'
+    return (
+        f'<button class="et-chip et-warning etv-changed" data-k="set:inspect.opened:change" {ON_PICK}'
+        f' data-testid="change-in-bar" title="{escape(words)}"><span>{escape(words)}</span></button>'
     )
 
 

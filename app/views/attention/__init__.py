@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from app.views.attention.state import AttentionState, hear, reduce_attention
@@ -10,6 +11,9 @@ from app.views.view import Card, View
 if TYPE_CHECKING:
     import viser
 
+    from app.engine.jobs import Job
+    from app.engine.requests import FrameRequest
+    from app.state.view_state import ViewState
     from app.views.panel import Panel
 
 
@@ -17,6 +21,12 @@ def _panel(client: viser.ClientHandle) -> Panel:
     from app.views.attention.panel import AttentionPanel
 
     return AttentionPanel()
+
+
+def _jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
+    from app.views.attention.jobs.attention import attention_jobs
+
+    return attention_jobs(state, request)
 
 
 VIEW = View(
@@ -30,8 +40,12 @@ VIEW = View(
     cards=(
         Card("attention.map", stage=frozenset({"attention"})),
         Card("attention.atlas", stage=frozenset({"attention"})),
+        Card("attention.heads", shelf=frozenset({"attention"})),
+        Card("attention.tokens", shelf=frozenset({"attention"})),
+        Card("attention.time", shelf=frozenset({"attention"})),
     ),
     is_public=True,
     reduce=reduce_attention,
     hear=hear,
+    jobs=_jobs,
 )

@@ -1,60 +1,56 @@
-"""The maps of the chosen pixel: one site large, and the atlas of all sites."""
+"""The attention workspace: one site's map large, the atlas of all heads, the shelf, and their settings."""
 
 from __future__ import annotations
 
 import viser
 
-from app.html.attention.look import MapRange
 from app.html.card import card
 from app.state import intents as ask
-from app.views.attention.html.grid import attention_html, site_html
-from app.views.attention.html.tools import attention_tools_html, pinned_html
-from app.views.attention.state import AttentionState, look_of
-from app.views.inspect.state import InspectState
+from app.views.attention.html.atlas import atlas_html
+from app.views.attention.html.shelf import heads_html, time_html, tokens_html
+from app.views.attention.html.side import side_html
+from app.views.attention.html.stage import stage_html
+from app.views.attention.state import AttentionState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
 
-RANGES: dict[MapRange, str] = {"shared": "shared", "per map": "per map"}
-
 
 class AttentionPanel(Panel):
-    """Two cards, and how their maps are coloured."""
+    """Five cards, and one column of settings."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """The chosen site's map with its heads, and all sites."""
+        """One element a card."""
         self._map = Html(gui)
         self._atlas = Html(gui)
+        self._heads = Html(gui)
+        self._tokens = Html(gui)
+        self._time = Html(gui)
 
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """Pixel, pinned maps, how heads are gathered and maps are drawn."""
-        self._pixel = gui.add_vector2("Pixel x, y", (0.0, 0.0), min=(0.0, 0.0), max=(65_535.0, 65_535.0), step=1.0)
-        self._pinned = Html(gui)
-        self._tools = Html(gui)
-        self._range = gui.add_dropdown("Colour range", tuple(RANGES.values()))
+        """Our own choices, and the two that are numbers."""
+        self._side = Html(gui)
         self._overlay = gui.add_slider("Opacity", 0.0, 1.0, 0.05, 0.8)
-        words: dict[str, MapRange] = {text: name for name, text in RANGES.items()}
+        self._pixel = gui.add_vector2("Pixel x, y", (0.0, 0.0), min=(0.0, 0.0), max=(65_535.0, 65_535.0), step=1.0)
         on_visitor(self._pixel, lambda xy: ask.Query(round(xy[0]), round(xy[1])), dispatch)
-        on_visitor(self._range, lambda text: ask.Set("attention", "map_range", words[text]), dispatch)
         on_visitor(self._overlay, lambda value: ask.Set("attention", "overlay", float(value)), dispatch)
 
     def show(self, page: Page) -> None:
-        """Draw the maps of the newest frame that has them."""
-        slice_, look, index = page.state.of(AttentionState), look_of(page), page.state.index
-        waits = {"wanted": index, "working": page.working, "failed": page.failed}
-        title, body = site_html(page.ready, look, slice_.site, **waits)
-        self._map.show(card("attention.map", title, body, page.areas))
-        body = attention_html(page.ready, look, chosen=slice_.site, **waits)
-        self._atlas.show(card("attention.atlas", "All sites", body, page.areas))
+        """Draw what can be seen of the newest frame that has maps."""
+        areas = page.areas
+        title, note, tools, body = stage_html(page)
+        self._map.show(card("attention.map", title, body, areas, note=note, tools=tools))
+        note, tools, body = atlas_html(page)
+        self._atlas.show(card("attention.atlas", "All sites, all heads", body, areas, note=note, tools=tools))
+        note, body = heads_html(page)
+        self._heads.show(card("attention.heads", "Heads", body, areas, note=note))
+        title, note, tools, body = tokens_html(page)
+        self._tokens.show(card("attention.tokens", title, body, areas, note=note, tools=tools))
+        note, tools, body = time_html(page)
+        self._time.show(card("attention.time", "Over time", body, areas, note=note, tools=tools))
 
     def show_settings(self, page: Page) -> None:
-        """Set the widgets to what is so; the tools speak of the chosen site."""
-        state, slice_, look = page.state, page.state.of(AttentionState), look_of(page)
-        if state.query is not None:
-            assign(self._pixel, (float(state.query[0]), float(state.query[1])))
-        assign(self._range, RANGES[slice_.map_range])
-        assign(self._overlay, slice_.overlay)
-        has_maps = page.ready is not None and page.ready.attention is not None and bool(page.ready.attention.sites)
-        drawn = look if has_maps else None
-        self._pinned.show(pinned_html(page.ready, drawn, slice_))
-        change = state.of(InspectState).change
-        self._tools.show(attention_tools_html(slice_, change.intervention, drawn, site=slice_.site))
+        """Set the choices to what is so."""
+        if page.state.query is not None:
+            assign(self._pixel, (float(page.state.query[0]), float(page.state.query[1])))
+        assign(self._overlay, page.state.of(AttentionState).overlay)
+        self._side.show(side_html(page))

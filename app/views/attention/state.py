@@ -5,10 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast, get_args
 
-from app.html.attention.look import AttentionLook, Direction, Gather, MapRange, Order
+from app.engine.requests import FrameRequest
+from app.html.attention.look import (
+    MOST_HEADS,
+    SITE_PATTERN,
+    AttentionLook,
+    Direction,
+    Gather,
+    MapRange,
+    Order,
+    Weight,
+)
 from app.state import intents as ask
-from app.state.checks import checked, number, passing, restored, text, whole
+from app.state.checks import checked, number, passing, text, whole
 from app.state.view_state import ViewState
+from app.views.inspect.state import InspectState, changed_request
 from app.views.reconstruction.state import tones_in
 from app.views.view import Here
 
@@ -16,18 +27,21 @@ if TYPE_CHECKING:
     from app.views.page import Page
 
 Pin = Literal["a", "b"]
-SITE_PATTERN = r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)"
-MOST_HEADS = 64
+Shelf = Literal["similarity", "pca"]
+Quantity = Literal["entropy", "mass", "effect"]
 
 
 @dataclass(frozen=True, slots=True)
 class PinnedMap:
-    """A map that stays to be compared: its site, its head (`None`: gathered over heads) and its query pixel."""
+    """A map that stays to be compared, with all that decides its numbers: its moment, its network, its query."""
 
-    site: str = text("scale1.encoder.0.self", SITE_PATTERN)
-    head: int | None = whole(None, 0, MOST_HEADS - 1)
-    gather: Gather = "mean"
-    query: tuple[int, int] = (0, 0)
+    request: FrameRequest
+    site: str
+    head: int | None
+    """`None`: gathered over heads."""
+    gather: Gather
+    direction: Direction
+    query: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,21 +52,39 @@ class AttentionState:
     site: str = text("scale1.encoder.0.self", SITE_PATTERN)
     head: int | None = whole(None, 0, MOST_HEADS - 1)
     """`None` is all heads, gathered."""
-    opens_heads: bool = False
-    """Whether the site is shown large, with its heads beside each other."""
     overlay: float = number(0.8, 0.0, 1.0)
     map_range: MapRange = "shared"
     gather: Gather = "mean"
     order: Order = "network"
-    direction: Direction = "reads"
+    direction: Direction = "attends to"
+    weight: Weight = "alpha"
     is_linear: bool = False
     is_smooth: bool = False
     shows_links: bool = False
     """Whether lines in the scene join the query to what it reads most."""
     shows_planes: bool = False
     """Whether the chosen layer's maps of all scales stand behind the frame, instead of the events."""
+    tokens: Shelf = "similarity"
+    curve: Quantity = "entropy"
+    follows: bool = False
+    """Whether curves stay on the patch that lies under the pixel now, along the motion of its events."""
+    compare: Literal["none", "a", "b"] = passing("none")
+    """The pin that the current map is held against."""
+    shows_code: bool = False
+    explains: bool = False
+    """Whether what attention maps are not lies over the large map."""
     pin_a: PinnedMap | None = passing(None)
     pin_b: PinnedMap | None = passing(None)
+
+    @property
+    def quantity_has_a_head(self) -> bool:
+        """Whether the curve is about the chosen head alone: an effect is, entropies are of every head."""
+        return self.curve == "effect"
+
+    @property
+    def pinned(self) -> PinnedMap | None:
+        """The pin that the current map is held against, if there is one."""
+        return {"a": self.pin_a, "b": self.pin_b}.get(self.compare)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,31 +96,61 @@ class OpenSite:
 
 @dataclass(frozen=True, slots=True)
 class PinMap:
-    """Keep a map as A or B; `None` unpins."""
+    """Keep the map that is shown as A or B, with its moment and network."""
 
     slot: Pin
-    pinned: PinnedMap | None
+
+
+@dataclass(frozen=True, slots=True)
+class Unpin:
+    """Forget a pin."""
+
+    slot: Pin
+
+
+@dataclass(frozen=True, slots=True)
+class Compare:
+    """Hold the current map against a pin, or against none."""
+
+    slot: Literal["none", "a", "b"]
 
 
 def reduce_attention(slice_: AttentionState, intent: Any, here: Here) -> AttentionState:
-    """Pins are about one recording, network and plan of windows."""
+    """Pins hold their moment and their network; they are of one recording."""
     match intent:
         case OpenSite():
             return _opened(slice_, intent.site)
-        case PinMap("a", pinned):
-            return replace(slice_, pin_a=pinned)
-        case PinMap("b", pinned):
-            return replace(slice_, pin_b=pinned)
-        case ask.OpenRecording() | ask.ReopenRecording() | ask.ChooseModel() | ask.ChoosePolicy():
-            return replace(slice_, pin_a=None, pin_b=None)
+        case PinMap(slot):
+            pinned = _pinned(slice_, here)
+            held = {"pin_a": pinned} if slot == "a" else {"pin_b": pinned}
+            return slice_ if pinned is None else replace(slice_, compare=slot, **held)
+        case Unpin(slot):
+            compare = "none" if slice_.compare == slot else slice_.compare
+            return replace(slice_, compare=compare, **({"pin_a": None} if slot == "a" else {"pin_b": None}))
+        case Compare(slot):
+            return replace(slice_, compare=slot)
+        case ask.OpenRecording() | ask.ReopenRecording():
+            return replace(slice_, pin_a=None, pin_b=None, compare="none")
     return slice_
 
 
 def _opened(slice_: AttentionState, site: str) -> AttentionState:
     try:
-        return replace(slice_, site=checked(AttentionState, "site", site), opens_heads=True)
+        return replace(slice_, site=checked(AttentionState, "site", site))
     except ValueError:
         return slice_
+
+
+def _pinned(slice_: AttentionState, here: Here) -> PinnedMap | None:
+    """The map that is shown; `None` before there is one."""
+    state = here.state
+    if state.query is None or state.policy is None:
+        return None
+    request = FrameRequest(
+        state.recording_id, state.model_id, state.precision, state.policy, state.index, wants_attention=False
+    )
+    request = changed_request(state.of(InspectState), request)
+    return PinnedMap(request, slice_.site, slice_.head, slice_.gather, slice_.direction, state.query)
 
 
 def hear(words: str) -> Any:
@@ -97,34 +159,13 @@ def hear(words: str) -> Any:
     match verb:
         case "site":
             return OpenSite(rest)
-        case "sites":
-            return ask.Set("attention", "opens_heads", False)
+        case "pin" if rest in get_args(Pin):
+            return PinMap(cast("Pin", rest))
         case "unpin" if rest in get_args(Pin):
-            return PinMap(cast("Pin", rest), None)
-        case "pin":
-            slot, _, pinned = rest.partition(":")
-            found = _pinned(pinned)
-            return PinMap(cast("Pin", slot), found) if slot in get_args(Pin) and found is not None else None
+            return Unpin(cast("Pin", rest))
+        case "compare" if rest in ("none", *get_args(Pin)):
+            return Compare(cast("Literal['none']", rest))
     return None
-
-
-def pin_text(pinned: PinnedMap) -> str:
-    """A pin as a button says it."""
-    head = pinned.gather if pinned.head is None else str(pinned.head)
-    return f"{pinned.site},{head},{pinned.query[0]},{pinned.query[1]}"
-
-
-def _pinned(words: str) -> PinnedMap | None:
-    site, head, x, y = words.split(",") if words.count(",") == 3 else ("", "", "", "")
-    if not all(part.isascii() and part.isdecimal() and len(part) < 7 for part in (x, y)):
-        return None
-    kind: dict[str, object] = {"gather": head} if head in get_args(Gather) else {"head": _whole(head)}
-    found, refused = restored(PinnedMap(), {"site": site, "query": [int(x), int(y)], **kind})
-    return None if refused else found
-
-
-def _whole(word: str) -> object:
-    return int(word) if word.isascii() and word.isdecimal() and len(word) < 7 else word
 
 
 def look_in(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
@@ -140,7 +181,7 @@ def look_in(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
         tones_in(state, is_linear_light),
         slice_.gather,
         slice_.order,
-        slice_.direction if slice_.opens_heads else "reads",
+        slice_.direction,
         slice_.is_linear,
         slice_.is_smooth,
     )

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from etnet.nets.attention import Attention
 
 
+_VERBS = {"attends to": "attends to", "attended by": "is attended by"}
+
+
 def sheet_picture(
     sheet: Sheet,
     moment: Moment,
@@ -91,9 +94,8 @@ def _maps(ready: Ready, attention: Attention, look: AttentionLook) -> Section:
             title = f"{part.capitalize()} {layer + 1}, {kind}" if not rows else ""
             tiles.append(None if name is None else Tile(_map(ready, attention, look, name), title))
         rows.append(Row(tiles, resolution(scale)))
-    verb = "reads" if look.direction == "reads" else "is read by"
     who = head_words(look.head, look.gather)
-    title = f"Attention: what pixel {look.query[0]}, {look.query[1]} {verb}, {who}"
+    title = f"Attention: what pixel {look.query[0]}, {look.query[1]} {_VERBS[look.direction]}, {who}"
     return Section(rows, title, Scale(sequential(), *map_ends(look)))
 
 

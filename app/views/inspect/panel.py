@@ -1,4 +1,4 @@
-"""Look inside: one inspector at a time, over the results of its jobs."""
+"""The inspector: ablation at the chosen pixel and a list, or the one that is open, over the results of its jobs."""
 
 from __future__ import annotations
 
@@ -7,72 +7,70 @@ from typing import Any
 import viser
 
 from app.engine.jobs import JobResult
+from app.engine.network_parts import NetworkParts
 from app.engine.requests import FrameRequest
 from app.html.attention.maps import base_url
+from app.html.card import icon_button
 from app.html.controls import choose_pixel, stale_line, under_way
 from app.html.elements import empty, escape, panel
 from app.html.moment import Moment
-from app.state import intents as ask
 from app.views.attention.state import AttentionState, look_of
 from app.views.inspect.html.attribution import traced_html
+from app.views.inspect.html.causes import pixel_first, search_html, sources_html, spread_html, twin_html
 from app.views.inspect.html.change import change_html
 from app.views.inspect.html.importance import attended_html, matters_html
 from app.views.inspect.html.memory import channels_html, norms_html, remembered_html
 from app.views.inspect.html.network_input import given_html
+from app.views.inspect.html.overview import INSPECTORS, NEEDS, ablation_html, list_html
+from app.views.inspect.html.python import code_of
 from app.views.inspect.html.rollout import followed_html, rolled_html
-from app.views.inspect.results import Anatomy
-from app.views.inspect.state import Inspector, InspectState
+from app.views.inspect.state import InspectState
 from app.views.page import Page
-from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
+from app.views.panel import Dispatch, Html, Panel
 from app.views.reconstruction.state import tones_of
 
-INSPECTORS: dict[Inspector, str] = {
-    "none": "none",
-    "matters": "What matters here",
-    "change": "Change something",
-    "events": "Which events made this pixel",
-    "input": "What the network is given",
-    "state": "Its memory, channel by channel",
-    "memory": "How far back it remembers",
-    "rollout": "All attention rolled into one map",
-    "time": "Its attention through time",
-}
-_OF_THE_ORIGINAL = ("matters", "events", "memory", "time")
+_OF_THE_ORIGINAL = ("none", "matters", "events", "memory", "time", "sources", "search", "spread")
 """Inspectors that look at the unchanged network, whatever is changed."""
-_CLOSED = empty(
-    "Look inside the network",
-    "Choose above what to look at. While nothing is open here, nothing is computed for it.",
-)
 
 
 class InspectPanel(Panel):
-    """A list of inspectors, and the one that is open."""
+    """One element: the list of inspectors, or the one that is open."""
 
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """The list, then one element for whatever is open."""
-        self._choice = gui.add_dropdown("Look at", tuple(INSPECTORS.values()))
+        """All of it is our own HTML."""
         self._body = Html(gui)
-        words: dict[str, Inspector] = {text: name for name, text in INSPECTORS.items()}
-        on_visitor(
-            self._choice, lambda text: ask.Set("inspect", "opened", words[text]) if text in words else None, dispatch
-        )
 
     def show_settings(self, page: Page) -> None:
-        """Draw the inspector that is open."""
-        opened = page.state.of(InspectState).opened
-        assign(self._choice, INSPECTORS[opened])
+        """Draw what is open."""
         self._body.show(f'<div data-testid="inside">{inspector_html(page)}</div>')
 
 
 def inspector_html(page: Page) -> str:
-    """The open inspector, or what to do."""
+    """The open inspector with its lines of Python, or what to do; a sentence where a network has nothing for it."""
     inside = page.state.of(InspectState)
     if page.moment is None:
-        return panel("inside-empty", empty("No recording", page.trouble or "Choose one under Recording."))
-    if inside.opened in _OF_THE_ORIGINAL and not inside.change.at(page.state.index).is_nothing:
-        said = "This is about the network as it is, without your change."
-        return panel("of-the-original", f'<div class="et-changed">{said}</div>') + _opened(page, page.moment)
-    return _opened(page, page.moment)
+        return panel("inside-empty", empty("No recording", page.trouble or "Choose one in the bar."))
+    lacks = _lacks(page)
+    change = inside.change.at(page.state.index)
+    note = ""
+    if inside.opened in _OF_THE_ORIGINAL and not change.is_nothing:
+        note = panel("of-the-original", '<div class="et-changed">Of the original network, without your change.</div>')
+    if inside.opened == "none":
+        found = page.results.get("inspect.ablated")
+        waits = "" if page.state.query is None else _awaited(found, "ablating one part after the other", page)
+        bars = ablation_html(page.state.query, None if found is None else found.value, waits)
+        return note + bars + code_of(page) + list_html(lacks)
+    title, _ = INSPECTORS[inside.opened]
+    back = icon_button("set:inspect.opened:none", "previous", "All inspectors")
+    head = panel("inspector-head", f'<div class="et-inspector-head">{back}<h4>{title}</h4></div>')
+    if said := lacks.get(NEEDS.get(inside.opened, ""), ""):
+        return head + panel("lacking", empty("Nothing to show", f"{said}."))
+    return head + note + _opened(page, page.moment) + code_of(page)
+
+
+def _lacks(page: Page) -> dict[str, str]:
+    found = page.results.get("inspect.network")
+    return dict(found.value.lacks) if found is not None and isinstance(found.value, NetworkParts) else {}
 
 
 def _opened(page: Page, moment: Moment) -> str:
@@ -91,7 +89,38 @@ def _opened(page: Page, moment: Moment) -> str:
             return _memory(page)
         case "rollout" | "time":
             return _paths(page)
-    return panel("inside-empty", _CLOSED)
+    return _causes(page, moment)
+
+
+def _causes(page: Page, moment: Moment) -> str:
+    inside, query = page.state.of(InspectState), page.state.query
+    match inside.opened:
+        case "sources" | "search" if query is None:
+            return pixel_first(inside.opened)
+        case "sources":
+            found = _about(page.results.get("inspect.sources"), pixel=query)
+            return _awaited(found, "ablating one part after the other", page) + sources_html(_value(found))
+        case "search":
+            found = _about(page.results.get("inspect.search"), pixel=query, tolerance=inside.tolerance / 1000)
+            waits = _awaited(found, "zeroing the state at one window after the other", page)
+            is_whole = found is not None and found.is_whole
+            return waits + search_html(_value(found), is_whole, inside.tolerance, moment)
+        case "spread":
+            found = page.results.get("inspect.spread")
+            waits = _awaited(found, "leaving events out at random", page)
+            return waits + spread_html(_value(found), None if found is None else found.job, query)
+    found = page.results.get("inspect.twin")
+    change = inside.change
+    is_answer = found is not None and _request(found).intervention == change.intervention
+    is_answer = is_answer and found is not None and _request(found).edit == change.edit
+    value = _value(found) if is_answer else None
+    waits = ""
+    if not change.is_nothing and (found is None or not found.is_whole):
+        waits = panel("awaited", under_way(0.0 if found is None else found.share, "both runs, window by window"))
+    if found is not None and found.trouble:
+        waits = _awaited(found, "", page)
+    key = None if found is None else found.job
+    return twin_html(value, key, change, moment, query, tones_of(page)) + waits
 
 
 def _matters(page: Page) -> str:
@@ -123,21 +152,27 @@ def _attended(page: Page) -> str:
 
 
 def _change(page: Page) -> str:
-    anatomy = page.results.get("inspect.anatomy")
-    if anatomy is None or anatomy.value is None:
-        return panel("change", _awaited(anatomy, "looking at the network", page))
-    assert isinstance(anatomy.value, Anatomy)
+    parts = page.results.get("inspect.network")
+    if parts is None or parts.value is None:
+        return panel("change", _awaited(parts, "looking at the network", page))
     change = page.state.of(InspectState).change.at(page.state.index)
     found = page.results.get("inspect.outcome")
-    if found is not None and _request(found).change != (change.intervention, change.edit, change.since):
-        found = None  # what another change did
+    if found is not None:
+        made = _request(found)
+        if (made.intervention, made.edit, made.since, made.once) != (
+            change.intervention,
+            change.edit,
+            change.since,
+            change.once,
+        ):
+            found = None  # what another change did
     body = "" if found is None else _awaited(found, "measuring the difference", page)
     return body + change_html(
-        anatomy.value,
+        parts.value,
         page.state.of(InspectState).change,
         index=page.state.index,
         site=page.state.of(AttentionState).site,
-        outcome=None if found is None else found.value,
+        outcome=_value(found),
         key=None if found is None else found.job,
         tones=tones_of(page),
         is_whole=found is not None and found.is_whole,
@@ -151,8 +186,7 @@ def _events(page: Page) -> str:
         why = "Its gradient is then followed back to every event that had a part in it."
         return panel("traced", choose_pixel(why)) + traced_html(None, None, num_back)
     body = _awaited(found, "following the gradient back", page)
-    value = None if found is None else found.value
-    return body + traced_html(value, None if found is None else found.job, num_back)
+    return body + traced_html(_value(found), None if found is None else found.job, num_back)
 
 
 def _input(page: Page, moment: Moment) -> str:
@@ -167,18 +201,15 @@ def _input(page: Page, moment: Moment) -> str:
 
 
 def _state(page: Page) -> str:
-    inside, anatomy = page.state.of(InspectState), page.results.get("inspect.anatomy")
+    inside, parts = page.state.of(InspectState), page.results.get("inspect.network")
     found = _about(page.results.get("inspect.channels"), level=inside.level, plane=inside.plane)
-    if anatomy is None or anatomy.value is None:
-        return _awaited(anatomy, "looking at the network", page)
-    if not anatomy.value.num_levels:
-        said = f"{anatomy.value.name} has no ConvLSTM levels, so there are no gates and cells to show."
-        return panel("channels", empty("No such memory", said))
+    if parts is None or parts.value is None:
+        return _awaited(parts, "looking at the network", page)
     norms = page.results.get("inspect.norms")
     strong = norms_html(norms.value) if norms is not None and norms.value is not None else ""
     shown = _awaited(found, "recomputing the gates", page) + channels_html(
-        anatomy.value,
-        None if found is None else found.value,
+        parts.value.anatomy,
+        _value(found),
         None if found is None else found.job,
         level=inside.level,
         plane=inside.plane,
@@ -189,25 +220,23 @@ def _state(page: Page) -> str:
 
 
 def _paths(page: Page) -> str:
-    anatomy, inside, query = page.results.get("inspect.anatomy"), page.state.of(InspectState), page.state.query
-    if anatomy is not None and anatomy.value is not None and not anatomy.value.sites:
-        return panel("rolled", empty("No attention", f"{anatomy.value.name} is made of convolutions alone."))
+    parts, inside, query = page.results.get("inspect.network"), page.state.of(InspectState), page.state.query
     if (look := look_of(page)) is None or query is None:
         return panel("rolled", choose_pixel("Its attention is then followed through the network."))
+    attention = page.state.of(AttentionState)
     if inside.opened == "time":
-        found = _about(page.results.get("inspect.followed"), pixel=query, site=page.state.of(AttentionState).site)
+        found = _about(page.results.get("inspect.followed"), pixel=query, site=attention.site, head=attention.head)
         body = _awaited(found, "following it, window by window", page)
-        if found is None or found.value is None or anatomy is None or anatomy.value is None:
+        if found is None or found.value is None or parts is None or parts.value is None:
             return body
         job: Any = found.job
-        return body + followed_html(found.value, job, job.site, anatomy.value.sites, job.pixel)
+        return body + followed_html(found.value, job, job.site, job.head, parts.value.anatomy.sites, job.pixel)
     found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:
         return body
-    value = None if found is None else found.value
     base = base_url(page.ready, page.ready.attention, look.tones)
-    return body + rolled_html(value, page.ready, look, inside.discard, base)
+    return body + rolled_html(_value(found), page.ready, look, inside.discard, base)
 
 
 def _memory(page: Page) -> str:
@@ -229,10 +258,14 @@ def _awaited(found: JobResult | None, what: str, page: Page) -> str:
     return panel("awaited", lag or waits) if lag or waits else ""
 
 
+def _value(found: JobResult | None) -> Any:
+    return None if found is None else found.value
+
+
 def _about(found: JobResult | None, **asked: object) -> JobResult | None:
     """A result, if it answers what is asked now; the answer to a former question is none."""
     return found if found is not None and all(getattr(found.job, key) == held for key, held in asked.items()) else None
 
 
 def _request(found: JobResult) -> FrameRequest:
-    return found.job.request  # pyright: ignore[reportAttributeAccessIssue]  every job has one
+    return found.job.request

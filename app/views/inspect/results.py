@@ -18,21 +18,6 @@ if TYPE_CHECKING:
 Picture = Float32[np.ndarray, "h w"]
 
 
-@dataclass(frozen=True, slots=True)
-class Anatomy:
-    """What a network has that can be looked into or changed. Empty where it has none."""
-
-    name: str
-    scales: tuple[int, ...] = ()
-    """From the coarsest; TPA aggregates them."""
-    has_decoders: bool = False
-    skips: tuple[int, ...] = ()
-    sites: tuple[str, ...] = ()
-    num_heads: int = 0
-    num_levels: int = 0
-    """Recurrent levels of the ConvLSTM kind."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PartEffect:
     """What the frame loses when one part is taken away: without − with."""
@@ -45,6 +30,58 @@ class PartEffect:
     def mean_absolute(self) -> float:
         """Mean of |difference| over the frame."""
         return float(np.abs(self.difference).mean())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AblatedParts:
+    """The frame without each part in turn − the frame: parts of the network, this window's events, the state before."""
+
+    differences: dict[str, Picture]
+    """By "TPA", "skip 0", …, "events now", "state before"."""
+
+    def at(self, name: str, pixel: tuple[int, int]) -> float:
+        """What a part moves a pixel by."""
+        return float(self.differences[name][pixel[1], pixel[0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TwinFound:
+    """Both runs, window by window: what a change does from its beginning on."""
+
+    indices: tuple[int, ...]
+    stamps: tuple[int, ...]
+    """µs, when each window ends."""
+    original: tuple[Picture, ...]
+    changed: tuple[Picture, ...]
+
+    @property
+    def on_image(self) -> Float32[np.ndarray, " windows"]:
+        """Mean |changed − original|."""
+        return np.array([np.abs(b - a).mean() for a, b in zip(self.original, self.changed, strict=True)], np.float32)
+
+    def at(self, pixel: tuple[int, int]) -> Float32[np.ndarray, " windows"]:
+        """Changed − original at a pixel."""
+        x, y = pixel
+        return np.array([b[y, x] - a[y, x] for a, b in zip(self.original, self.changed, strict=True)], np.float32)
+
+    def recovered_at(self, tolerance: float) -> int | None:
+        """The window from which on no pixel is further off than `tolerance`; `None` where that is not reached."""
+        off = [i for i in range(len(self.indices)) if np.abs(self.changed[i] - self.original[i]).max() > tolerance]
+        first = off[-1] + 1 if off else 0
+        return self.indices[first] if first < len(self.indices) else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpreadFound:
+    """How far frames lie apart when events are left out at random, and whether that tells the error."""
+
+    deviation: Picture
+    num_done: int
+    num_seeds: int
+    since: int
+    pearson: float | None = None
+    """With the error against the camera; `None` where it saw nothing at that moment, or while draws are made."""
+    spearman: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +135,7 @@ class RolledOut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """One pixel's attention at one site, the mean of its heads, window after window."""
+    """One pixel's attention at one site, of one head or of the mean map, window after window."""
 
     indices: tuple[int, ...]
     stamps: tuple[int, ...]
@@ -106,7 +143,7 @@ class Followed:
     along_row: Float32[np.ndarray, "windows columns"]
     """On the token row of the pixel, in × uniform."""
     entropy: Float32[np.ndarray, " windows"]
-    """Bits, the mean over heads."""
+    """Bits, of the map that is followed."""
     near: Float32[np.ndarray, " windows"]
     """The share that falls within `reach` pixels of the pixel, a square."""
     even: float

@@ -6,18 +6,24 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, cast
+from typing import Any, ClassVar, Literal, cast, get_args
 
 from app.engine.requests import FrameRequest
+from app.html.attention.look import MOST_HEADS, SITE_PATTERN
 from app.state import intents as ask
 from app.state.checks import passing, text, whole
-from app.views.attention.state import MOST_HEADS, SITE_PATTERN
 from app.views.view import Here
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 
-Inspector = Literal["none", "matters", "change", "events", "input", "state", "memory", "rollout", "time"]
+Inspector = Literal[
+    "none", "matters", "change", "sources", "events", "search", "twin", "input", "state", "memory", "rollout", "time",
+    "spread",
+]  # fmt: skip
 Plane = Literal["hidden", "cell", "enter", "forget", "out", "candidate"]
+
+Scope = Literal["window", "on", "once"]
+"""A change holds in each window by itself, from a window on, or in one window of which the memory then recovers."""
 
 LEVELS, SCALES, SKIPS = range(1, 4), range(4), range(4)
 MOST_CHANNELS, MOST_BACK = 1024, 8
@@ -33,6 +39,13 @@ class Change:
     edit: EventEdit = UNEDITED
     since: int | None = None
     """The window from which it is carried on; `None`: in each window for itself, the memory before it untouched."""
+    once: bool = False
+    """It holds in window `since` alone; what its memory carries on is seen in later windows."""
+
+    @property
+    def scope(self) -> Scope:
+        """How far it reaches."""
+        return "window" if self.since is None else "once" if self.once else "on"
 
     @property
     def is_nothing(self) -> bool:
@@ -43,7 +56,7 @@ class Change:
     def run_from(self) -> int | None:
         """The window from which one run under `intervention` gives these frames; `None` where nothing is changed, or
         no such run does: one has the events as they are, and carries on what it does to its memory."""
-        if self.is_nothing or not self.edit.changes_nothing:
+        if self.is_nothing or self.once or not self.edit.changes_nothing:
             return None
         return 0 if self.since is None and not self.intervention.changes_memory else self.since
 
@@ -54,7 +67,10 @@ class Change:
             return NO_CHANGE
         edit = UNEDITED if self.edit.changes_nothing else self.edit
         is_carried = self.intervention.changes_memory or edit != UNEDITED
-        return Change(self.intervention, edit, self.since if is_carried else None)
+        if not is_carried:
+            is_over = self.once and index != self.since
+            return NO_CHANGE if is_over else Change(self.intervention, edit)
+        return Change(self.intervention, edit, self.since, self.once)
 
 
 NO_CHANGE = Change()
@@ -69,6 +85,10 @@ class InspectState:
     part: str = text("", longest=60)
     """The part whose ablation is shown large; empty takes the first."""
     change: Change = passing(NO_CHANGE)
+    shows_original: bool = passing(False)
+    """While a key is held: the page as it is without the change."""
+    shows_code: bool = False
+    """Whether the lines of Python that give what the open inspector shows stand below it."""
     num_back: int = whole(2, 0, MOST_BACK)
     level: int = whole(1, 1, 3)
     plane: Plane = "hidden"
@@ -76,6 +96,8 @@ class InspectState:
     """Counted from the channel of most energy."""
     discard: int = whole(0, 0, 95)
     """Per cent of the smallest weights that a rollout leaves out."""
+    tolerance: int = whole(50, 1, 500)
+    """Thousandths of full brightness by which a pixel has to change for the causal search."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +117,25 @@ class EditEvents:
 
 
 @dataclass(frozen=True, slots=True)
-class Persist:
-    """Let the change hold from the current window on, or in each window for itself."""
+class ChooseScope:
+    """Let the change hold in each window by itself, from the current window on, or once, in the current window."""
 
-    is_carried: bool
+    scope: Scope
+
+
+@dataclass(frozen=True, slots=True)
+class ShowOriginal:
+    """Show the page without the change, for as long as a key is held."""
+
+    is_held: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ShowTwin:
+    """Zero levels of the state once, before a window's step, and open the curve of what that does from there on."""
+
+    at: int
+    levels: frozenset[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +152,14 @@ def reduce_inspect(slice_: InspectState, intent: Any, here: Here) -> InspectStat
             return replace(slice_, change=replace(change, intervention=intervention))
         case EditEvents(name, value):
             return replace(slice_, change=replace(change, edit=_edited(change.edit, name, value)))
-        case Persist(is_carried):
-            return replace(slice_, change=replace(change, since=here.state.index if is_carried else None))
+        case ChooseScope(scope):
+            since = None if scope == "window" else here.state.index
+            return replace(slice_, change=replace(change, since=since, once=scope == "once"))
+        case ShowOriginal(is_held):
+            return replace(slice_, shows_original=is_held)
+        case ShowTwin(at, levels):
+            zeroed = Intervention(zeroed_levels=levels)
+            return replace(slice_, change=Change(zeroed, since=here.limits.clamp_index(at), once=True), opened="twin")
         case ResetAll():
             return replace(slice_, change=NO_CHANGE)
         case ask.OpenRecording() | ask.ReopenRecording() | ask.ChooseModel() | ask.ChoosePolicy():
@@ -127,9 +170,9 @@ def reduce_inspect(slice_: InspectState, intent: Any, here: Here) -> InspectStat
 def changed_request(slice_: InspectState, request: FrameRequest) -> FrameRequest:
     """The request for a frame with what is done to the network and its events on purpose."""
     change = slice_.change.at(request.index)
-    if change.is_nothing:
+    if change.is_nothing or slice_.shows_original:
         return request
-    return replace(request, intervention=change.intervention, edit=change.edit, since=change.since)
+    return replace(request, intervention=change.intervention, edit=change.edit, since=change.since, once=change.once)
 
 
 def switched(intervention: Intervention, part: str) -> Intervention:
@@ -159,8 +202,14 @@ def hear(words: str) -> Any:
         case "edit":
             name, _, value = rest.partition(":")
             return EditEvents(cast("Literal['drop']", name), float(value))
-        case "carry":
-            return Persist(rest == "on")
+        case "scope" if rest in get_args(Scope):
+            return ChooseScope(cast("Scope", rest))
+        case "original":
+            return ShowOriginal(rest == "on")
+        case "twin":
+            at, _, levels = rest.partition(":")
+            wanted = frozenset(int(level) for level in levels.split(",") if level.isdecimal() and int(level) in LEVELS)
+            return ShowTwin(int(at), wanted) if at.isdecimal() and len(at) < 10 and wanted else None
         case "reset":
             return ResetAll()
     return None

@@ -25,10 +25,10 @@ VIEW = View(
     "PHOTO",
     ReconstructionState(),
     _panel,
-    workspaces=EXPERT - {"compare", "recording"},
+    workspaces=EXPERT - {"attention", "compare", "recording"},
     cards=(
-        Card("reconstruction", stage=frozenset({"inspect"}), shelf=frozenset({"attention"})),
-        Card("camera", stage=frozenset({"inspect"}), shelf=frozenset({"attention"})),
+        Card("reconstruction", stage=frozenset({"inspect"})),
+        Card("camera", stage=frozenset({"inspect"})),
     ),
     is_public=True,
 )

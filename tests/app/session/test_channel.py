@@ -5,7 +5,7 @@ import pytest
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched, parse
 from app.state import intents as ask
 from app.views import VIEWS
-from app.views.attention.state import OpenSite, PinMap
+from app.views.attention.state import OpenSite, PinMap, Unpin
 from app.views.compare.state import AddRun, ChooseRun, RemoveRun
 from app.views.inspect.state import ResetAll, Switch
 from app.views.recording.state import Trim
@@ -26,8 +26,8 @@ SAID = {
     "pick|set:attention.head:3|0|0|1": ask.Set("attention", "head", "3", is_word=True),
     "pick|set:inspect.part:skip 1|0|0|1": ask.Set("inspect", "part", "skip 1", is_word=True),
     f"pick|attention:site:{SITE}|0.1|0.1|18": OpenSite(SITE),
-    "pick|attention:sites|0.1|0.1|18": ask.Set("attention", "opens_heads", False),
-    "pick|attention:unpin:b|0|0|1": PinMap("b", None),
+    "pick|attention:pin:a|0.1|0.1|18": PinMap("a"),
+    "pick|attention:unpin:b|0|0|1": Unpin("b"),
     "pick|inspect:switch:head x 3|0|0|1": Switch("head x 3"),
     "pick|inspect:reset|0|0|1": ResetAll(),
     "pick|compare:add|0|0|1": AddRun(),

@@ -230,7 +230,7 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
         await browser.until_shown("Reconstruction of window")
         channel = browser.widget("channel")
         assert placings() == 0, "the demo has no scene"
-        await browser.use(channel, "pick|workspace:attention|0|0|1")
+        await browser.use(channel, "pick|workspace:inspect|0|0|1")
         await browser.until(lambda: placings() > 0)
         before = placings()
         await browser.turn(aspect, (3, 1, -4))
@@ -239,7 +239,7 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
         monkeypatch.setattr(demo, "IDLE", 0.5)
         await browser.until(lambda: 'data-etv-workspace="demo"' in browser.html(), 10)
         monkeypatch.setattr(demo, "IDLE", 1e9)
-        await browser.use(channel, "pick|workspace:attention|0|0|2")
+        await browser.use(channel, "pick|workspace:inspect|0|0|2")
         await browser.until(lambda: placings() > before)
 
     run(story, view=public_view, aspect=aspect)

@@ -243,7 +243,7 @@ def test_a_change_goes_into_the_request_and_out_of_it_again(viewer):
     async def story(browser):
         await browser.until_shown("Reconstruction of window 0")
         channel = browser.widget("channel")
-        await browser.use(browser.widget("Look at"), "Change something")
+        await browser.use(channel, "pick|set:inspect.opened:change|0.5|0.5|0")
         await browser.use(channel, "pick|inspect:switch:tpa|0.5|0.5|1")
         await browser.use(channel, "pick|inspect:edit:drop:0.5|0.5|0.5|2")
         await browser.until(lambda: viewer.engine.requests[-1][1].edit.drop == 0.5)
@@ -260,12 +260,13 @@ def test_closing_every_inspector_takes_its_questions_back(viewer):
     async def story(browser):
         await browser.until_shown("Reconstruction of window 0")
         viewer.engine.jobs.clear()
-        await browser.use(browser.widget("Look at"), "What matters here")
+        channel = browser.widget("channel")
+        await browser.use(channel, "pick|set:inspect.opened:matters|0.5|0.5|1")
         await browser.until(
-            lambda: {asked[1] for asked in viewer.engine.jobs} == {"inspect.anatomy", "inspect.matters"}
+            lambda: {asked[1] for asked in viewer.engine.jobs} == {"inspect.network", "inspect.matters"}
         )
-        await browser.use(browser.widget("Look at"), "none")
+        await browser.use(channel, "pick|set:inspect.opened:none|0.5|0.5|2")
         await browser.until(lambda: [asked[2] for asked in viewer.engine.jobs[2:]] == [None, None])
-        await browser.until_shown("While nothing is open here, nothing is computed for it.")
+        await browser.until_shown("Choose a pixel")
 
     visit(viewer, story, tab=52)

@@ -26,7 +26,7 @@ from tests.app.reducing import from_link, from_text, reduce
 VIEW_FIELDS = [(view.name, entry.name) for view in VIEWS for entry in fields(view.initial)]
 WORDS = (
     "none", "True", "False", "0", "3", "-1", "0.5", "1e999", "nan", "9" * 5000, "runs", "wipe", "error", "ssim",
-    "evreal", "read by", "per map", "entropy", "cell", "time surface", "hdr", "front", "a",
+    "evreal", "attended by", "per map", "entropy", "cell", "time surface", "hdr", "front", "a",
     "scale2.decoder.0.cross", "scale9.decoder.0.cross", "ByCount", "fp32", "auto", "demo", "\ud800", "<b>",
 )  # fmt: skip
 NUMBERS = st.integers(-4, 70) | st.integers() | st.floats() | st.sampled_from([10**400, -(10**400), 1e308, 2**63])

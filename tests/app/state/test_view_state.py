@@ -43,7 +43,7 @@ WORDS = st.sampled_from(
         "error",
         "ssim",
         "evreal",
-        "reads",
+        "attends to",
         "per map",
         "cell",
         "time surface",

@@ -21,7 +21,7 @@ def traced_html(traced: Traced | None, key: object, num_back: int) -> str:
         button("this window" if back == 0 else f"{back} back", f"set:inspect.num_back:{back}", is_on=back == num_back)
         for back in BACK
     )
-    choice = buttons("Trace back", far)
+    choice = buttons("Backpropagate", far, "through so many windows before this one")
     if traced is None:
         return panel("traced", choice)
     height, width = traced.windows[0].events.sensor.height, traced.windows[0].events.sensor.width
@@ -49,7 +49,7 @@ def traced_html(traced: Traced | None, key: object, num_back: int) -> str:
         image,
         signed_legend("all events of a pixel together make it", limit),
         f'<div class="et-note" data-testid="near">{said}</div>',
-        "<h4>How far back</h4>",
+        "<h4>Share of each window</h4>",
         _windows(traced),
         '<div class="et-note">A gradient says what a small change would do; near white or black it is close to 0. '
         "What came before the first window is taken as given.</div>",

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from app.engine.network_parts import NetworkParts
+from app.html.attention.changed import change_words, since_words
 from app.html.attention.maps import site_words
+from app.html.card import segmented
 from app.html.controls import (
     button,
     buttons,
@@ -16,16 +21,19 @@ from app.html.controls import (
 from app.html.elements import escape, panel
 from app.html.tones import Tones
 from app.html.units import count, milliseconds, resolution, short
-from app.views.inspect.results import Anatomy, Outcome
+from app.views.inspect.results import Outcome
 from app.views.inspect.state import JITTERS, Change, is_switched
 from etnet.nets.intervention import Intervention
 from etnet.render.tone import tone_map
+
+if TYPE_CHECKING:
+    from etnet.inspection.anatomy import Anatomy
 
 SHARES = (0.0, 0.1, 0.25, 0.5, 0.9)
 
 
 def change_html(
-    anatomy: Anatomy,
+    parts: NetworkParts,
     change: Change,
     *,
     index: int,
@@ -42,39 +50,11 @@ def change_html(
             body.append(_outcome(outcome, key, tones, is_whole))
         elif not change.at(index).is_nothing:
             body.append(under_way(0.0, "computing the image with the change"))
-    body.append(_reach(change, index))
-    body += _switches(anatomy, change.intervention, site)
+    body.append(_scope(change, index))
+    lacks = parts.lacks.get("intervention", "") or parts.lacks.get("attention", "")
+    body += _switches(parts.anatomy, change.intervention, site, lacks)
     body.append(_events(change))
     return panel("change", *body)
-
-
-def change_words(change: Change) -> str:
-    """All that is changed, in a line."""
-    intervention, edit = change.intervention, change.edit
-    said = [
-        words
-        for flag, words in (
-            (intervention.without_context, "no transformer"),
-            (intervention.uniform_attention, "attention even everywhere"),
-            (intervention.without_decoders, "no decoders"),
-        )
-        if flag
-    ]
-    said += [f"no scale {resolution(scale)}" for scale in sorted(intervention.removed_scales)]
-    said += [f"no skip {resolution(level)}" for level in sorted(intervention.removed_skips)]
-    said += [f"memory {resolution(level)} emptied" for level in sorted(intervention.zeroed_levels)]
-    said += [f"memory {resolution(level)} frozen" for level in sorted(intervention.frozen_levels)]
-    for words, members in (
-        ("attention taken out", intervention.removed_sites),
-        ("attention made even", intervention.uniform_sites),
-        ("head muted", intervention.masked_heads),
-    ):
-        if members:
-            said.append(f"{len(members)} × {words}")
-    for share, words in ((edit.drop, "left out"), (edit.invert, "turned"), (edit.jitter, "moved in time")):
-        if share:
-            said.append(f"{share * 100:.0f} % of the events {words}")
-    return " · ".join(said)
 
 
 def _state(change: Change, index: int) -> str:
@@ -88,9 +68,10 @@ def _state(change: Change, index: int) -> str:
         ahead = (
             f'<div class="et-note">It begins at window {count(change.since or 0)}: here the image is original.</div>'
         )
+    words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
     return (
-        f'<div class="et-changed" data-testid="changed"><span>{escape(change_words(change))}</span>'
-        f"{button('Put everything back', 'inspect:reset', classes='et-strong')}</div>{ahead}"
+        f'<div class="et-changed" data-testid="changed"><span>{escape(words)}</span>'
+        f"{button('Reset all', 'inspect:reset', classes='et-strong')}</div>{ahead}"
     )
 
 
@@ -124,55 +105,58 @@ def _grey(frame, tones: Tones):
     return tone_map(frame, tones.tone, tones.is_linear_light)
 
 
-def _reach(change: Change, index: int) -> str:
-    is_carried = change.since is not None
-    start = change.since if change.since is not None else index
-    content = button("in each window by itself", "inspect:carry:off", is_on=not is_carried) + button(
-        f"from window {count(start)} on", "inspect:carry:on", is_on=is_carried
-    )
-    why = "From a window on: what memory and events were changed to is carried into all later windows."
-    return buttons("Reach", content, why)
+def _scope(change: Change, index: int) -> str:
+    start = count(index if change.since is None else change.since)
+    options = {
+        "inspect:scope:window": "this window only",
+        "inspect:scope:on": f"from window {start} on",
+        "inspect:scope:once": f"once, in window {start}",
+    }
+    why = "Persistent: state and events carry the change into later windows. Once: the state recovers from it."
+    if change.scope != "window" and not (change.intervention.changes_memory or not change.edit.changes_nothing):
+        why = "What changes the decoding alone leaves no trace in the state: later windows are as they were."
+    choice = segmented("Scope", options, f"inspect:scope:{change.scope}")
+    return f'<div class="et-set"><b>Scope</b>{choice}<div class="et-note">{why}</div></div>'
 
 
-def _switches(anatomy: Anatomy, intervention: Intervention, site: str) -> list[str]:
+def _switches(anatomy: Anatomy, intervention: Intervention, site: str, lacks: str) -> list[str]:
     def switch(text: str, part: str, hint: str = "") -> str:
         return button(text, f"inspect:switch:{part}", is_on=is_switched(intervention, part), hint=hint)
 
     rows: list[str] = []
     if anatomy.scales:
-        parts = [switch("transformer (TPA)", "tpa", "Its output is zero; only the skips are left")]
+        parts = [switch("TPA", "tpa", "Its output is zero; only the skips are left")]
         if anatomy.has_decoders:
             parts.append(switch("decoders", "decoders"))
         if len(anatomy.scales) > 1:
             parts += [switch(f"scale {resolution(scale)}", f"scale {scale}") for scale in anatomy.scales]
-        rows.append(buttons("Take away", "".join(parts)))
+        rows.append(buttons("Ablate", "".join(parts)))
     if anatomy.skips:
         skips = "".join(switch(resolution(level), f"skip {level}") for level in anatomy.skips)
-        rows.append(buttons("Take skip away", skips))
+        rows.append(buttons("Remove skip", skips))
     if anatomy.sites:
         name = site if site in anatomy.sites else anatomy.sites[0]
-        even = switch("even everywhere", "uniform", "Every place is read alike, everywhere")
-        own = switch("this one out", f"site {name}") + switch("this one even", f"alike {name}")
-        rows.append(buttons("All attention", even))
-        heads = "".join(switch(str(head + 1), f"head {name} {head}") for head in range(anatomy.num_heads))
-        words = f"{site_words(name, anatomy.sites)}. For another, click its map under Attention."
-        rows.append(buttons("One attention", f'{own}<span class="et-note">mute head</span>{heads}', words))
-    if anatomy.num_levels:
-        levels = range(anatomy.num_levels, 0, -1)
+        even = switch("uniform, all sites", "uniform", "Every token is attended to alike, at every site")
+        own = switch("ablate site", f"site {name}") + switch("uniform attention", f"alike {name}")
+        rows.append(buttons("Attention", even))
+        heads = "".join(switch(str(head), f"head {name} {head}") for head in range(anatomy.num_heads))
+        words = f"{site_words(name, anatomy.sites)}. For another, choose its map in Attention."
+        rows.append(buttons("This site", f'{own}<span class="et-note">mask head</span>{heads}', words))
+    if anatomy.levels:
+        levels = sorted(anatomy.levels, reverse=True)
         empty = "".join(switch(resolution(level), f"zero {level}") for level in levels)
         freeze = "".join(switch(resolution(level), f"freeze {level}") for level in levels)
-        rows.append(buttons("Empty memory", empty))
-        rows.append(buttons("Freeze memory", freeze))
-    if not anatomy.sites:
-        said = f"{anatomy.name} has no attention" + ("" if anatomy.num_levels else " and no ConvLSTM memory to change")
-        rows.append(f'<div class="et-note" data-testid="lacks">{escape(said)}.</div>')
+        rows.append(buttons("Zero state", empty))
+        rows.append(buttons("Freeze state", freeze))
+    if lacks:
+        rows.append(f'<div class="et-note" data-testid="lacks">{escape(lacks)}.</div>')
     return rows
 
 
 def _events(change: Change) -> str:
     edit = change.edit
     rows: list[str] = []
-    for name, words in (("drop", "Drop events"), ("invert", "Invert them"), ("jitter", "Move in time")):
+    for name, words in (("drop", "Drop events"), ("invert", "Flip polarity"), ("jitter", "Jitter timestamps")):
         held = getattr(edit, name)
         content = "".join(
             button("none" if not share else f"{share * 100:.0f} %", f"inspect:edit:{name}:{share}", is_on=held == share)

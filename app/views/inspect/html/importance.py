@@ -31,14 +31,14 @@ def matters_html(
     query: tuple[int, int] | None = None,
     is_whole: bool = True,
 ) -> str:
-    """A row for each part; the chosen one's effect as a picture. A click on a row sends `inside:set:part:<name>`."""
+    """A row for each part; the chosen one's effect as a picture. A click on a row sends `set:inspect.part:<name>`."""
     if not parts:
-        nothing = empty("Nothing to take away", "This network has no transformer and no skip connection to leave out.")
+        nothing = empty("Nothing to ablate", "This network has no transformer and no skip connection to leave out.")
         return panel("matters", nothing)
     shown = next((part for part in parts if part.name == chosen), parts[0])
     rows = [_head(query), *(_row(part, parts, query, part is shown) for part in parts)]
     lead = (
-        "Each part of the network is taken away in turn, and this image is made again. The change is in % of full "
+        "Each part of the network is ablated in turn, and this image is decoded again. The change is in % of full "
         "brightness."
     )
     verdict = f'<div class="et-say" data-testid="verdict">{escape(_verdict(parts, query))}</div>' if is_whole else ""
@@ -54,8 +54,8 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     name = site if site in attention.sites else attention.sites[0]
     raw, handed = ARRAYS.get(("handed", key, name, token), lambda: _rows(attended, name, token), _nbytes)
     maps = [
-        (raw, "looked at", "weights α, mean of the heads"),
-        (handed, "handed over", "‖αvW<sub>O</sub>‖, all heads"),
+        (raw, "attention", "α, mean of the heads"),
+        (handed, "contribution", "‖αvW<sub>O</sub>‖, all heads"),
     ]
     cells = "".join(
         f'<figure class="et-thumb">{map_html(attention, row, look, words, "")}<figcaption class="et-label">'
@@ -65,15 +65,15 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     alike = float(np.minimum(raw, handed).sum())
     said = (
         f"{site_words(name, attention.sites)}. The two maps share {of_whole(alike)} of their weight; "
-        "where they differ, the network looks at what gives it little."
+        "where they differ, it attends to what contributes little."
     )
     style = f"--n:{grid.columns};--base:url({base})"
     return panel(
         "attended",
-        "<h4>Is what it looks at what it gets?</h4>",
+        "<h4>Attention vs value-weighted</h4>",
         f'<div class="et-note">{escape(said)}</div>',
         f'<div class="et-pair">{cells}</div>',
-        "<h4>Attention that goes nowhere</h4>",
+        "<h4>Attention sinks and padding</h4>",
         _waste(attended, token, key),
         style=style,
     )
@@ -114,10 +114,11 @@ def _verdict(parts: tuple[PartEffect, ...], query: tuple[int, int] | None) -> st
         return f"{decides} Without the transformer nothing visible changes: attention explains nothing here."
     if by_kind["attention"] < VISIBLE:
         return (
-            f"{decides} The transformer counts ({percent(by_kind['TPA'], is_signed=False)}), but not where it looks: "
+            f"{decides} The transformer counts ({percent(by_kind['TPA'], is_signed=False)}), but not where it "
+            "attends to: "
             "the attention maps explain nothing here."
         )
-    return f"{decides} Where the transformer looks counts, too: {percent(by_kind['attention'], is_signed=False)}."
+    return f"{decides} Where it attends to counts, too: {percent(by_kind['attention'], is_signed=False)}."
 
 
 def _map(part: PartEffect, key: object, query: tuple[int, int] | None) -> str:
@@ -153,7 +154,7 @@ def _waste(attended: Attended, token: int, key: object) -> str:
     cells = ["<span></span>", *(f"<b>{resolution(scale)}</b>" for scale in scales)]
     for row in dict.fromkeys(site.row for site in sites.values()):
         part, layer, kind = row
-        reads = "self" if kind == "self" else "reads coarser"
+        reads = kind
         cells.append(f"<span>{part.capitalize()} {layer + 1} <i>{reads}</i></span>")
         for scale in scales:
             name = by_place.get((row, scale))
@@ -161,8 +162,8 @@ def _waste(attended: Attended, token: int, key: object) -> str:
     grid = f'<div class="et-numbers" style="--columns:{len(scales)}">{"".join(cells)}</div>'
     note = (
         f"of this pixel’s attention, mean of the heads. On padding (the black border that makes sides divisible by 8): "
-        f"{of_whole(uniform, 1)} would be even. A sink is a token that at least 9 of 10 places look at 4 × as much "
-        "as evenly."
+        f"{of_whole(uniform, 1)} is what uniform attention gives. A sink is a token that at least 9 of 10 "
+        "queries give 4 × the uniform weight."
     )
     return f'{grid}<div class="et-note">{note}</div>'
 

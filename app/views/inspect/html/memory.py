@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -11,22 +11,25 @@ from app.html.controls import button, buttons, curves, percent, plain_bar
 from app.html.elements import escape, legend, marker, panel, picture, swatch
 from app.html.moment import PICTURES
 from app.html.units import count, of_whole, resolution, short
-from app.views.inspect.results import Anatomy, Channels, Norms, Remembered
+from app.views.inspect.results import Channels, Norms, Remembered
 from app.views.inspect.state import Plane
 from etnet.render.colours import counting, css_gradient, diverge, diverging, hexadecimal, sequential
 from etnet.render.encode import data_url
 
+if TYPE_CHECKING:
+    from etnet.inspection.anatomy import Anatomy
+
 PLANES: dict[Plane, tuple[str, str]] = {
-    "hidden": ("hidden", "what the level hands on: out · tanh(cell)"),
-    "cell": ("cell", "what it keeps: forget · cell before + enter · candidate"),
-    "enter": ("enter gate", "0 … 1: how much of the candidate comes in"),
+    "hidden": ("hidden", "hidden state: output gate · tanh(cell)"),
+    "cell": ("cell", "cell: forget · cell before + input · candidate"),
+    "enter": ("input gate", "0 … 1: how much of the candidate comes in"),
     "forget": ("forget gate", "0 … 1: how much of the cell before is kept; alone it does not say what is remembered"),
-    "out": ("out gate", "0 … 1: how much of the cell is handed on"),
+    "out": ("output gate", "0 … 1: how much of the cell becomes the hidden state"),
     "candidate": ("candidate", "−1 … 1: what could come in"),
 }
 _GATES = ("enter", "forget", "out")
 _WIDTH = 120
-_UNKNOWN = (255, 158, 74)
+_UNKNOWN = (185, 181, 255)
 """Needs more than was tried."""
 
 
@@ -43,7 +46,7 @@ def channels_html(
     """Which level and which of its planes; one channel large; the others by energy."""
     levels = "".join(
         button(f"{resolution(each)}", f"set:inspect.level:{each}", is_on=each == level)
-        for each in range(anatomy.num_levels, 0, -1)
+        for each in sorted(anatomy.levels, reverse=True)
     )
     planes = "".join(
         button(PLANES[word][0], f"set:inspect.plane:{word}", is_on=word == plane) for word in get_args(Plane)
@@ -71,7 +74,7 @@ def channels_html(
         url = PICTURES.text(("channel tile", key, number), lambda number=number: _url(channels, number, limit, _WIDTH))
         on = " et-chosen" if number == chosen else ""
         tile = picture(
-            url, f"channel {channels.order[number]}", key=f"inside:set:channel:{number}",
+            url, f"channel {channels.order[number]}", key=f"set:inspect.channel:{number}",
             size=(columns, rows),
         )  # fmt: skip
         cells.append(f'<div class="et-thumb{on}">{tile}<span class="et-label">{channels.order[number]}</span></div>')
@@ -83,7 +86,7 @@ def channels_html(
 def norms_html(norms: Norms) -> str:
     """How strong each level's memory was after each of the last windows."""
     hues = [hexadecimal(LINK_COLOURS[level + 1]) for level in range(norms.hidden.shape[1])]
-    parts = [f"<h4>How strong it was in the last {len(norms.indices)} windows</h4>"]
+    parts = [f"<h4>State norms over the last {len(norms.indices)} windows</h4>"]
     keys = "".join(
         swatch(hue, f"{resolution(level + 1)}: now {short(float(norms.cell[-1, level]))} cell, "
         f"{short(float(norms.hidden[-1, level]))} hidden") for level, hue in enumerate(hues)
@@ -110,7 +113,7 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
     url = PICTURES.text(("remembered", key, found.depths), make)
     image = picture(url, "windows of memory each pixel needs", key="pixel", size=(width, height), marks=marks)
     ticks = [(float(np.log2(1 + depth) / np.log2(1 + max(deepest, 1))), f"{depth}") for depth in found.depths]
-    scale = legend("windows before this one that are needed", css_gradient(sequential()), ticks)
+    scale = legend("windows of memory that are needed", css_gradient(sequential()), ticks)
     more = float((found.needed < 0).mean())
     here = ""
     if query is not None:
@@ -133,7 +136,7 @@ def remembered_html(found: Remembered, key: object, query: tuple[int, int] | Non
         image,
         scale,
         f'<div class="et-say" data-testid="needs">{here}</div>' if here else "",
-        f'<div class="et-note">orange: {of_whole(more)} of the image needs more than {deepest}</div>',
+        f'<div class="et-note">violet: {of_whole(more)} of the image needs more than {deepest}</div>',
         "<h4>Mean error with so little memory</h4>",
         f'<div class="et-table et-two">{rows}</div>',
     )

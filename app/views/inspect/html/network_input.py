@@ -28,7 +28,7 @@ def given_html(given: Given, key: object, moment: Moment, query: tuple[int, int]
         "included: zeros that make both sides divisible by 8. Each event votes +1 (brighter) or −1 (darker) for the "
         "two bins nearest in time."
     )
-    how = "normalised, as this network wants it" if given.is_normalised else "as they come, not normalised"
+    how = "normalised, as this network expects" if given.is_normalised else "not normalised"
     parts = [
         f'<div class="et-note">{escape(lead)}</div>',
         PICTURES.text(("given", key), lambda: _bins(given)),
@@ -59,7 +59,7 @@ def _bins(given: Given) -> str:
         tile[:above], tile[height - below :], tile[:, :left], tile[:, width - right :] = (_BORDER,) * 4
         image = picture(data_url(tile, is_lossless=True), f"bin {index}", size=(tile.shape[1], tile.shape[0]))
         tiles.append(f'<div class="et-thumb">{image}<span class="et-label">{bin_words(index)}</span></div>')
-    return f'<div class="et-three">{"".join(tiles)}</div><div class="et-note">share of the window’s time</div>'
+    return f'<div class="et-three">{"".join(tiles)}</div><div class="et-note">Bin position in the window</div>'
 
 
 def _scale(given: Given, title: str) -> str:

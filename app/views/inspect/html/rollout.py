@@ -30,7 +30,7 @@ def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, dis
         "the smallest weights of every row, before they are multiplied",
     )
     lead = (
-        "One attention map shows one step. Rolled out, the steps of all layers are multiplied: which places, at which "
+        "One attention map shows one step. Rolled out, the steps of all layers are multiplied: which tokens, at which "
         "scale, have a part in what the transformer says of this pixel. Residuals count half; values are ignored."
     )
     head = f'<div class="et-note">{escape(lead)}</div>{choice}'
@@ -67,12 +67,15 @@ def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, dis
     )
 
 
-def followed_html(followed: Followed, key: object, site: str, sites: tuple[str, ...], query: tuple[int, int]) -> str:
+def followed_html(
+    followed: Followed, key: object, site: str, head: int | None, sites: tuple[str, ...], query: tuple[int, int]
+) -> str:
     """A kymograph of the pixel's token row, and two curves under it in the same measure of time."""
     num = len(followed.indices)
+    who = "mean map of the heads" if head is None else f"head {head}"
     span = milliseconds((followed.stamps[-1] - followed.stamps[0]) / 1000) if num > 1 else "one window"
     lead = (
-        f"{site_words(site, sites)}, mean of the heads, for pixel ({query[0]}, {query[1]}) in the last {num} windows "
+        f"{site_words(site, sites)}, {who}, for pixel ({query[0]}, {query[1]}) in the last {num} windows "
         f"({span}). Time runs down: the newest line is the current window."
     )
     url = PICTURES.text(("kymograph", key, num), lambda: _kymograph(followed))
@@ -85,7 +88,13 @@ def followed_html(followed: Followed, key: object, site: str, sites: tuple[str, 
     share = float(followed.near[-1])
     values = (LOWEST, 1.0, 4.0, HIGHEST)
     powers = float(np.log2(HIGHEST / LOWEST))
-    ticks = [(float(np.log2(value / LOWEST)) / powers, f"{fraction(value)} ×") for value in values]
+    ticks = [
+        (
+            float(np.log2(value / LOWEST)) / powers,
+            f"{'≥ ' if value == HIGHEST else '≤ ' if value == LOWEST else ''}{fraction(value)} ×",
+        )
+        for value in values
+    ]
     return panel(
         "followed",
         f'<div class="et-note">{escape(lead)}</div>',
@@ -93,13 +102,13 @@ def followed_html(followed: Followed, key: object, site: str, sites: tuple[str, 
         '<div class="et-caption"><span>left edge of the image</span><span>the pixel’s row of tokens</span>'
         "<span>right edge</span></div>",
         legend("attention, × uniform", css_gradient(sequential()), ticks),
-        "<h4>How sharp it is</h4>",
-        curves({LINE: followed.entropy}, bits, f"{bits:.2f} bits: all tokens alike", "0: one token"),
+        "<h4>Entropy</h4>",
+        curves({LINE: followed.entropy}, bits, f"{bits:.2f} bits: uniform", "0: one token"),
         f'<div class="et-note" data-testid="entropy-now">now {float(followed.entropy[-1]):.2f} bits</div>',
-        "<h4>How much stays near</h4>",
+        "<h4>Local mass (≤ 16 px)</h4>",
         curves({LINE: followed.near}, max(float(followed.near.max()), followed.even) * 1.15, "", "0 %", followed.even),
         f'<div class="et-note" data-testid="near-now">now {of_whole(share, 1)} within {followed.reach} pixels; '
-        f"the dashed line, {of_whole(followed.even, 1)}, is what even attention gives</div>",
+        f"the dashed line, {of_whole(followed.even, 1)}, is what uniform attention gives</div>",
     )
 
 

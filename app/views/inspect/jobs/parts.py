@@ -4,28 +4,57 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.views.inspect.jobs.arrays import array
-from app.views.inspect.results import Anatomy, Attended, Outcome, PartEffect
+from app.views.inspect.results import AblatedParts, Attended, Outcome, PartEffect
+from etnet.events.edit import UNEDITED, EventEdit
+from etnet.nets.intervention import ORIGINAL, Intervention
 
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from etnet.inspection.anatomy import Anatomy
+
 
 @dataclass(frozen=True, slots=True)
-class PartsJob:
-    """What the network has."""
+class AblatedPartsJob:
+    """The frame without TPA, each skip, this window's events, and the state before. Answers for every pixel."""
 
     request: FrameRequest
 
-    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Anatomy, float]]:
-        """One look at the network itself."""
-        yield anatomy(loaded.playback.model), 1.0
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[AblatedParts, float]]:
+        """One part more each time: a decode, or a step."""
+        from etnet.inspection.anatomy import anatomy_of
+        from etnet.inspection.pyramid import give_up_if
+
+        playback, index = loaded.playback, self.request.index
+        original = playback.at(index, cancelled=cancelled).frame
+        cuts = _cuts(anatomy_of(playback.model))
+        found: dict[str, np.ndarray] = {}
+        for name, intervention, edit in cuts:
+            give_up_if(cancelled, "this ablation")
+            if intervention.changes_memory or not edit.changes_nothing:
+                frame = playback.branch(index, intervention, edit).at(index, cancelled=cancelled).frame
+            else:
+                frame = playback.at(index, intervention=intervention, cancelled=cancelled).frame
+            found[name] = array((frame - original)[0, 0])
+            yield AblatedParts(dict(found)), len(found) / len(cuts)
+
+
+def _cuts(parts: Anatomy) -> list[tuple[str, Intervention, EventEdit]]:
+    cuts = [("TPA", Intervention(without_context=True), UNEDITED)] if parts.scales else []
+    cuts += [
+        (f"skip {level}", Intervention(removed_skips=frozenset({level})), UNEDITED) for level in sorted(parts.skips)
+    ]
+    cuts.append(("events now", ORIGINAL, EventEdit(drop=1.0)))
+    if parts.levels:
+        cuts.append(("state before", Intervention(zeroed_levels=frozenset(parts.levels)), UNEDITED))
+    return cuts
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +67,10 @@ class ImportanceJob:
         self, loaded: LoadedPlayback, cancelled: Callable[[], bool]
     ) -> Iterator[tuple[tuple[PartEffect, ...], float]]:
         """The parts so far."""
+        from etnet.inspection.anatomy import require
         from etnet.inspection.importance import ablations, effects
 
+        require(loaded.playback.model, "ablation")
         playback, index = loaded.playback, self.request.index
         parts = ablations(playback.model)
         found: list[PartEffect] = []
@@ -87,37 +118,8 @@ class OutcomeJob:
         yield Outcome(*pair, mse, perceptual(changed, original)), 1.0
 
 
-def anatomy(model: Any) -> Anatomy:
-    """What a network has; of a network of another make only its name is known."""
-    from etnet.inspection.gates import recurrent_levels
-    from etnet.nets.e2vid import E2VID
-    from etnet.nets.etnet import ETNet
-
-    num_levels = len(recurrent_levels(model))
-    if isinstance(model, E2VID):
-        return Anatomy(model.name, skips=_sorted(model.config.skip_levels), num_levels=num_levels)
-    if not isinstance(model, ETNet):
-        return Anatomy(str(model.name), num_levels=num_levels)
-    config = model.config
-    encoders = [f"encoder.{layer}.self" for layer in range(config.encoder_depth)]
-    decoders = [f"decoder.{layer}.{kind}" for layer in range(config.decoder_depth) for kind in ("self", "cross")]
-    return Anatomy(
-        model.name,
-        config.scale_indices,
-        config.decoder_depth > 0,
-        _sorted(config.skip_levels),
-        tuple(f"scale{scale}.{place}" for scale in config.scale_indices for place in (*encoders, *decoders)),
-        config.heads,
-        num_levels,
-    )
-
-
 def perceptual(changed: Tensor, original: Tensor) -> float | None:
     """LPIPS of two raw frames, clipped to 0 … 1; `None` where they are too small for it."""
     from etnet.evaluation.lpips import perceptual_distance
 
     return perceptual_distance(changed.float().cpu().clamp(0, 1), original.float().cpu().clamp(0, 1))
-
-
-def _sorted(levels: frozenset[int]) -> tuple[int, ...]:
-    return tuple(sorted(levels, reverse=True))

@@ -10,7 +10,6 @@ from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.views.inspect.jobs.arrays import array
 from app.views.inspect.results import Followed, RolledOut, Traced, TracedWindow
-from etnet.errors import ModelError
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -63,19 +62,22 @@ class RolloutJob:
 
 @dataclass(frozen=True, slots=True)
 class ThroughTimeJob:
-    """The pixel's attention at one site over the last windows: one decode each."""
+    """The pixel's attention at one site, of one head or of the mean map, over the last windows: one decode each."""
 
     request: FrameRequest
     pixel: tuple[int, int]
     site: str
+    head: int | None = None
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Followed, float]]:
         """One window more each time. Nothing of it is lost when others are served between two of them."""
+        from etnet.inspection.anatomy import require
         from etnet.inspection.mass import Region, region_shares
         from etnet.inspection.through_time import Track, attention_through_time
         from etnet.nets.padding import TokenGrid
 
         playback, last = loaded.playback, self.request.index
+        require(playback.model, "attention")
         sensor = playback.recording.sensor
         grid = TokenGrid(sensor.height, sensor.width)
         x, y = self.pixel
@@ -84,15 +86,18 @@ class ThroughTimeJob:
         indices = range(max(0, last - FOLLOWED + 1), last + 1)
         playback.lay_state(indices[0], cancelled)
         moments = []
+        head = "mean" if self.head is None else self.head
         for index in indices:
-            moments += attention_through_time(playback, self.pixel, [index], frozenset({self.site}), region)
+            moments += attention_through_time(
+                playback, self.pixel, [index], frozenset({self.site}), region, cancelled, head
+            )
             track = Track.of(moments)
             followed = Followed(
                 tuple(track.index.tolist()),
                 tuple(track.t.tolist()),
-                array(track.along_row[:, 0].mean(1) * grid.num_tokens),
-                array(track.entropy[:, 0].mean(1)),
-                array(track.mass[:, 0].mean(1)),
+                array(track.along_row[:, 0, 0] * grid.num_tokens),
+                array(track.entropy[:, 0, 0]),
+                array(track.mass[:, 0, 0]),
                 even,
                 grid.num_tokens,
                 NEAR,
@@ -102,10 +107,11 @@ class ThroughTimeJob:
 
 def _watched(loaded: LoadedPlayback, request: FrameRequest, cancelled: Callable[[], bool]) -> Attention:
     """q and k of all sites, of the network as it is changed."""
+    from etnet.inspection.anatomy import require
     from etnet.nets.attention import AttentionProbe
 
     playback, intervention = loaded.playing(request)
+    require(playback.model, "rollout")
     attention = playback.at(request.index, AttentionProbe(), intervention, cancelled).attention
-    if attention is None or not attention.sites:
-        raise ModelError(f"{playback.model.name} has no attention to roll out")
+    assert attention is not None
     return attention

@@ -7,20 +7,20 @@ import pytest
 import torch
 
 from app.engine.jobs import JobResult
+from app.engine.network_parts import NetworkPartsJob, network_parts
 from app.engine.requests import Ready
+from app.html.attention.changed import change_words
 from app.html.attention.links import links_of
 from app.html.attention.look import AttentionLook
 from app.html.moment import Moment
 from app.html.tones import Tones
 from app.state.view_state import ViewState
-from app.views.attention.html.grid import attention_html, site_html
-from app.views.attention.html.tools import attention_tools_html, pinned_html
-from app.views.attention.state import AttentionState, PinMap, PinnedMap
-from app.views.attention.state import hear as hear_attention
+from app.views.attention.state import AttentionState
 from app.views.inspect.html.attribution import traced_html
-from app.views.inspect.html.change import change_html, change_words
+from app.views.inspect.html.change import change_html
 from app.views.inspect.html.importance import attended_html, matters_html
 from app.views.inspect.html.network_input import given_html
+from app.views.inspect.html.overview import NEEDS
 from app.views.inspect.jobs import memory, parts, pixel
 from app.views.inspect.panel import inspector_html
 from app.views.inspect.scene_cloud import traced_cloud
@@ -80,11 +80,11 @@ def test_an_outcome_says_how_far_the_changed_frame_lies_from_the_original(loaded
     assert parts.perceptual(same, same) == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("preset", "sites", "levels"), [("tiny", 9, 3), ("e2vid", 0, 3), ("firenet", 0, 0)])
+@pytest.mark.parametrize(("preset", "sites", "levels"), [("tiny", 9, 3), ("e2vid", 0, 3), ("firenet", 0, 2)])
 def test_the_anatomy_is_what_the_network_really_has(preset, sites, levels):
     model = build_model(preset)
-    found = parts.anatomy(model)
-    assert (len(found.sites), found.num_levels) == (sites, levels)
+    found = network_parts(model).anatomy
+    assert (len(found.sites), len(found.levels)) == (sites, levels)
     if sites:
         probed = small_playback(preset).at(0, AttentionProbe()).attention
         assert set(found.sites) == set(probed.sites)
@@ -128,13 +128,13 @@ def test_what_is_looked_at_stands_beside_what_is_handed_over(loaded, ready):
     attended = whole(parts.AttendedJob(request_of(5)), loaded)
     assert set(attended.sinks) == set(ready.attention.sites)
     page = Checker(attended_html(attended, SITE, AttentionLook(QUERY), "key", base="x"))
-    assert "looked at" in page.text
-    assert "handed over" in page.text
+    assert "attention" in page.text
+    assert "contribution" in page.text
     assert page.text.count("padding ") >= len(ready.attention.sites)
 
 
-def test_a_switched_button_says_so_and_everything_can_be_put_back(loaded):
-    anatomy = parts.anatomy(loaded.playback.model)
+def test_a_switched_button_says_so_by_name_and_everything_can_be_reset(loaded):
+    anatomy = network_parts(loaded.playback.model)
     change = Change(
         Intervention(removed_skips=frozenset({1}), masked_heads=frozenset({(SITE, 2)})), EventEdit(drop=0.5)
     )
@@ -145,50 +145,39 @@ def test_a_switched_button_says_so_and_everything_can_be_put_back(loaded):
         "inspect:switch:skip 1",
         f"inspect:switch:head {SITE} 2",
         "inspect:edit:drop:0.5",
-        "inspect:carry:off",
+        "inspect:scope:window",
     } <= pressed
     assert "inspect:reset" in page.keys
-    assert change_words(change) == "no skip 1/2 · 1 × head muted · 50 % of the events left out"
+    words = "head 2 of 1/4 decoder 1, cross masked · skip 1/2 removed · 50 % of the events dropped"
+    assert change_words(change.intervention, change.edit) == words
+    assert f"{words} · this window only" in page.text
 
 
-def test_a_network_without_attention_or_memory_says_so(moment):
-    firenet = parts.anatomy(build_model("firenet"))
-    job = parts.PartsJob(request_of(0))
-    for opened, words in (("change", "has no attention"), ("state", "no ConvLSTM")):
-        state = ViewState().put(InspectState(opened=opened))
-        assert words in Checker(inspector_html(page_of(state, moment, None, anatomy=(job, firenet)))).text
-    nothing = page_of(ViewState().put(InspectState(opened="matters")), moment, None, matters=(job, None))
-    assert "Nothing to take away" in Checker(inspector_html(nothing)).text
+NETWORKS = ("e2vid", "firenet")
 
 
-def test_a_map_pinned_twice_differs_from_itself_by_nothing(ready):
-    pinned = PinnedMap(SITE, None, "mean", QUERY)
-    view = AttentionState(pin_a=pinned, pin_b=pinned)
-    page = Checker(pinned_html(ready, AttentionLook(QUERY), view))
-    assert "A and B share 100 % of their weight." in page.text
-    other = replace(view, pin_b=replace(pinned, site="scale1.encoder.0.self", head=1))
-    assert len(page.by_testid("a-minus-b")) == 1
-    assert "head 2" in Checker(pinned_html(ready, AttentionLook(QUERY), other)).text
-    assert pinned_html(ready, AttentionLook(QUERY), AttentionState()) == ""
+@pytest.mark.parametrize("preset", NETWORKS)
+def test_what_a_network_has_nothing_for_is_said_in_one_sentence_at_every_inspector(moment, preset):
+    network = network_parts(build_model(preset))
+    job = NetworkPartsJob(request_of(0))
+    for opened, needs in NEEDS.items():
+        state = ViewState(query=QUERY).put(InspectState(opened=opened))
+        text = Checker(inspector_html(page_of(state, moment, None, network=(job, network)))).text
+        if needs in network.lacks:
+            assert f"{network.lacks[needs]}." in text
+            assert network.anatomy.name in text
+        else:
+            assert "Nothing to show" not in text
+    changed = page_of(ViewState().put(InspectState(opened="change")), moment, None, network=(job, network))
+    assert "has no attention" in Checker(inspector_html(changed)).text
 
 
-def test_the_tools_pin_the_map_that_is_opened(ready):
-    look = AttentionLook(QUERY, head=2)
-    page = Checker(attention_tools_html(AttentionState(), Intervention(), look, site=SITE))
-    pinned = next(key for key in page.keys if key.startswith("attention:pin:a:"))
-    assert hear_attention(pinned.removeprefix("attention:")) == PinMap("a", PinnedMap(SITE, 2, "mean", QUERY))
+def test_somebodys_own_function_is_never_claimed_to_be_anything(moment):
+    from etnet.nets.adapter import Adapter
 
-
-def test_heads_are_sorted_by_what_was_asked_for(ready):
-    from etnet.inspection.entropy import map_numbers
-
-    token = ready.attention.grid.token_at(*QUERY)
-    numbers = map_numbers(ready.attention.rows(SITE, [token]), ready.attention.grid, [token])
-    for order, best in (("entropy", numbers.entropy.argmin()), ("distance", numbers.distance.argmax())):
-        look = AttentionLook(QUERY, order=order)
-        heads = [key for key in Checker(site_html(ready, look, SITE)[1]).keys if key.startswith("set:attention.head:")]
-        assert heads[0] == f"set:attention.head:{int(best)}"
-        assert len(Checker(attention_html(ready, look)).keys) == len(ready.attention.sites)
+    own = network_parts(Adapter(lambda voxel, memory: (voxel.sum(1, keepdim=True), ()), name="mine"))
+    assert own.lacks.keys() >= {"attention", "rollout", "gates", "ablation", "intervention"}
+    assert not any("convolution" in said for said in own.lacks.values())
 
 
 def test_who_reads_a_token_is_its_column_of_the_map(ready):
@@ -196,7 +185,9 @@ def test_who_reads_a_token_is_its_column_of_the_map(ready):
 
     token = ready.attention.grid.token_at(*QUERY)
     all_rows = ready.attention.rows(SITE, range(ready.attention.grid.num_tokens))
-    assert np.allclose(rows_of(ready, ready.attention, SITE, QUERY, "read by"), all_rows[..., token].numpy(), atol=1e-6)
+    assert np.allclose(
+        rows_of(ready, ready.attention, SITE, QUERY, "attended by"), all_rows[..., token].numpy(), atol=1e-6
+    )
 
 
 def test_the_cloud_holds_the_events_that_the_pixel_owes_most(loaded):
@@ -237,8 +228,8 @@ def test_channels_come_by_energy_in_the_networks_own_numbers(loaded, moment, pla
         hidden = loaded.playback.state(5).tensors[2][0]
         assert np.array_equal(channels.values[0], hidden[int(channels.order[0])].numpy())
     state = ViewState(query=QUERY).put(InspectState(opened="state", plane=plane, level=2, channel=1))
-    anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
-    page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, channels=(job, channels))))
+    anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
+    page = Checker(inspector_html(page_of(state, moment, None, network=anatomy, channels=(job, channels))))
     assert "no. 2 by energy" in page.text
 
 
@@ -261,31 +252,28 @@ def test_what_is_rolled_out_is_the_librarys_and_sums_to_one(loaded, ready):
     expected = rollout(ready.attention, ready.attention.grid.token_at(*QUERY), 0.5)
     assert np.allclose(rolled.weights, expected.weights.numpy(), atol=1e-6)
     state = ViewState(query=QUERY, index=5).put(InspectState(opened="rollout", discard=50))
-    anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
-    page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, anatomy=anatomy, rolled=(job, rolled))))
+    anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, network=anatomy, rolled=(job, rolled))))
     assert "sums to 1.0000" in page.text
     assert len(page.by_testid("by-scale")) == 1
 
 
-def test_what_is_followed_ends_in_the_map_of_the_window_on_show(loaded, ready):
+def test_what_is_followed_ends_in_the_map_of_the_current_window_and_of_the_chosen_head(loaded, ready):
     job = pixel.ThroughTimeJob(request_of(5), QUERY, SITE)
     followed = whole(job, loaded)
     assert followed.indices == tuple(range(6))
     grid = ready.attention.grid
     token = grid.token_at(*QUERY)
-    row = ready.attention.rows(SITE, [token])[:, 0].mean(0).reshape(grid.rows, grid.columns)
-    assert np.allclose(followed.along_row[-1], row[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
+    row = ready.attention.rows(SITE, [token])[:, 0]
+    mean = row.mean(0).reshape(grid.rows, grid.columns)
+    assert np.allclose(followed.along_row[-1], mean[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
+    one = whole(pixel.ThroughTimeJob(request_of(5), QUERY, SITE, 2), loaded)
+    own = row[2].reshape(grid.rows, grid.columns)
+    assert np.allclose(one.along_row[-1], own[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
     state = ViewState(query=QUERY, index=5).put(InspectState(opened="time"), AttentionState(site=SITE))
-    anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
-    page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, anatomy=anatomy, followed=(job, followed))))
+    anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, network=anatomy, followed=(job, followed))))
     assert f"now {followed.entropy[-1]:.2f} bits" in page.text
-
-
-@pytest.mark.parametrize("opened", ["rollout", "time"])
-def test_paths_of_attention_say_so_where_there_is_none(moment, opened):
-    anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(build_model("e2vid")))
-    state = ViewState(query=QUERY).put(InspectState(opened=opened))
-    assert "made of convolutions alone" in Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy))).text
 
 
 def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
@@ -302,12 +290,12 @@ def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
 
 
 def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(loaded, moment):
-    anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
+    anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
     job = parts.OutcomeJob(request_of(5, intervention=Intervention(without_context=True)))
     for removed, is_answer in ((frozenset(), True), (frozenset({1}), False)):
         change = Change(Intervention(without_context=True, removed_skips=removed))
         state = ViewState(index=5).put(InspectState(opened="change", change=change))
-        page = page_of(state, moment, None, anatomy=anatomy, outcome=(job, whole(job, loaded)))
+        page = page_of(state, moment, None, network=anatomy, outcome=(job, whole(job, loaded)))
         assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
 
 
@@ -317,7 +305,7 @@ def test_norms_are_those_of_the_states(loaded, moment):
     assert norms.indices == tuple(range(6))
     cell = loaded.playback.state(5).tensors[3]
     assert norms.cell[-1, 1] == pytest.approx(float(cell.square().mean().sqrt()), rel=1e-5)
-    anatomy = (parts.PartsJob(request_of(0)), parts.anatomy(loaded.playback.model))
+    anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
     state = ViewState(index=5).put(InspectState(opened="state"))
-    page = Checker(inspector_html(page_of(state, moment, None, anatomy=anatomy, norms=(job, norms))))
-    assert "in the last 6 windows" in page.text
+    page = Checker(inspector_html(page_of(state, moment, None, network=anatomy, norms=(job, norms))))
+    assert "over the last 6 windows" in page.text

@@ -13,16 +13,18 @@ from app.state import intents as ask
 from app.state.stored import to_text
 from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
-from app.views.attention.state import AttentionState, PinMap, PinnedMap, pin_text
+from app.views.attention.state import AttentionState, PinMap
 from app.views.attention.state import hear as hear_attention
 from app.views.inspect.jobs.inspect import inspect_jobs
 from app.views.inspect.state import (
     NO_CHANGE,
     Change,
+    ChooseScope,
     EditEvents,
     InspectState,
-    Persist,
     ResetAll,
+    ShowOriginal,
+    ShowTwin,
     Switch,
     changed_request,
     hear,
@@ -59,10 +61,11 @@ ASKED = st.one_of(
     st.builds(ask.Set, st.just("inspect"), st.just("opened"), st.sampled_from(["none", "matters", "change", "evil"])),
     st.builds(Switch, st.sampled_from([*PARTS, *NONSENSE])),
     st.builds(EditEvents, st.sampled_from(["drop", "invert", "jitter", "jitter_by", "seed"]), st.floats()),
-    st.builds(Persist, st.booleans()),
+    st.builds(ChooseScope, st.sampled_from(["window", "on", "once"])),
+    st.builds(ShowTwin, st.integers(0, 9), st.just(frozenset({1}))),
     st.builds(ResetAll),
     st.builds(ask.Set, st.just("inspect"), st.sampled_from(["level", "channel", "change", "plane"]), st.text()),
-    st.builds(PinMap, st.sampled_from(["a", "b"]), st.just(PinnedMap(SITE, 1, "mean", QUERY))),
+    st.builds(PinMap, st.sampled_from(["a", "b"])),
 )
 
 
@@ -88,7 +91,7 @@ def test_what_is_kept_of_an_inspection_is_how_it_looks_and_not_what_it_changed(a
     restored, refused = from_text(to_text(state), ViewState())
     assert refused == ()
     assert restored.of(InspectState) == replace(state.of(InspectState), change=NO_CHANGE)
-    assert restored.of(AttentionState) == replace(state.of(AttentionState), pin_a=None, pin_b=None)
+    assert restored.of(AttentionState) == replace(state.of(AttentionState), pin_a=None, pin_b=None, compare="none")
 
 
 @settings(deadline=None, max_examples=40)
@@ -102,11 +105,6 @@ def test_a_strange_message_is_understood_or_left_alone_and_never_an_error(text):
         assert heard is None or isinstance(reduce(ViewState(), heard, Limits()), ViewState)
 
 
-def test_a_pin_comes_back_from_its_button_as_it_was():
-    for pinned in (PinnedMap(SITE, 3, "mean", (7, 9)), PinnedMap(SITE, None, "max", (0, 0))):
-        assert hear_attention(f"pin:a:{pin_text(pinned)}") == PinMap("a", pinned)
-
-
 def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no_beginning():
     carried = Change(Intervention(zeroed_levels=frozenset({1})), since=4)
     assert carried.at(3) == NO_CHANGE
@@ -116,11 +114,40 @@ def test_a_change_holds_from_its_window_on_and_a_change_of_the_decoding_needs_no
     assert Change(edit=EventEdit(jitter_by=99), since=2).at(9) == NO_CHANGE
 
 
+def test_a_change_that_holds_once_is_carried_on_by_the_memory_alone():
+    once = Change(Intervention(zeroed_levels=frozenset({1})), since=4, once=True)
+    assert once.at(4) == once.at(9) == once
+    assert once.at(3) == NO_CHANGE
+    assert once.run_from is None
+    decoding = Change(Intervention(without_context=True), since=4, once=True)
+    assert decoding.at(4) == Change(Intervention(without_context=True))
+    assert decoding.at(5) == NO_CHANGE
+
+
+def test_while_a_key_is_held_the_page_asks_for_the_original():
+    state = ViewState(index=5).put(InspectState(change=Change(Intervention(without_context=True))))
+    held = reduce(state, ShowOriginal(True), Limits())
+    assert changed_request(held.of(InspectState), request_of(5)) == request_of(5)
+    back = reduce(held, ShowOriginal(False), Limits())
+    assert changed_request(back.of(InspectState), request_of(5)).intervention.without_context
+
+
+def test_a_reset_found_by_the_search_opens_its_twin():
+    state = reduce(ViewState(index=9), ShowTwin(6, frozenset({2})), Limits())
+    inspected = state.of(InspectState)
+    assert inspected.opened == "twin"
+    assert inspected.change == Change(Intervention(zeroed_levels=frozenset({2})), since=6, once=True)
+    assert inspect_jobs(state, request_of(9))["inspect.twin"].request.index == 6
+
+
 def test_a_button_says_what_it_switches():
     assert hear(f"switch:head {SITE} 3") == Switch(f"head {SITE} 3")
     assert hear("edit:drop:0.5") == EditEvents("drop", 0.5)
-    assert (hear("carry:on"), hear("carry:off"), hear("reset")) == (Persist(True), Persist(False), ResetAll())
-    assert hear("nonsense") is None
+    assert (hear("scope:on"), hear("scope:once"), hear("reset")) == (ChooseScope("on"), ChooseScope("once"), ResetAll())
+    assert hear("twin:7:1,3") == ShowTwin(7, frozenset({1, 3}))
+    assert hear("original:on") == ShowOriginal(True)
+    assert hear_attention("pin:a") == PinMap("a")
+    assert hear("nonsense") is hear("scope:ever") is hear("twin:x:1") is hear("twin:3:9") is None
 
 
 def test_what_is_changed_goes_into_every_request_and_nothing_else_of_it():
@@ -132,12 +159,13 @@ def test_what_is_changed_goes_into_every_request_and_nothing_else_of_it():
     assert changed_request(InspectState(), request_of(3)) is not None
 
 
-def test_nothing_is_asked_of_the_model_while_nothing_is_inspected():
+def test_nothing_is_asked_of_the_model_while_nothing_is_inspected_and_no_pixel_chosen():
     inspected = InspectState(change=Change(Intervention(without_context=True)))
+    assert not inspect_jobs(ViewState().put(inspected), request_of(3))
     state = ViewState(query=QUERY).put(inspected)
-    assert not inspect_jobs(state, request_of(3))
+    assert set(inspect_jobs(state, request_of(3))) == {"inspect.network", "inspect.ablated"}
     opened = state.put(replace(inspected, opened="matters"))
-    assert set(inspect_jobs(opened, request_of(3))) == {"inspect.anatomy", "inspect.matters", "inspect.attended"}
+    assert set(inspect_jobs(opened, request_of(3))) == {"inspect.network", "inspect.matters", "inspect.attended"}
 
 
 # ---- what the engine makes of a change ----
@@ -155,6 +183,19 @@ def frame_of(engine, request):
     inbox = Inbox()
     engine.request("ada", request, inbox)
     return inbox.ready(request.index)
+
+
+def test_a_change_that_holds_once_is_the_twin_of_the_library(engine):
+    from etnet.inspection.twin import changed
+
+    zeroed = Intervention(zeroed_levels=frozenset({1, 3}))
+    made = [frame_of(engine, request_of(index, since=3, once=True, intervention=zeroed)).frame for index in (3, 5)]
+    alone = Playback(build_model("tiny"), small_playback().recording, plan_windows(small_playback().recording, POLICY))
+    twin = changed(alone, 3, zeroed, once=True)
+    for index, frame in zip((3, 5), made, strict=True):
+        assert np.array_equal(frame, twin.at(index).frame[0, 0].numpy())
+    carried = frame_of(engine, request_of(5, since=3, intervention=zeroed)).frame
+    assert not np.array_equal(carried, made[1])
 
 
 CARRIED = [

@@ -1,0 +1,69 @@
+"""Copy as Python: the lines that give exactly what the page shows, as a block that can be copied."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from app.engine.requests import FrameRequest, Ready
+from app.html.card import icon_button
+from app.html.elements import escape
+from app.html.moment import Moment
+
+if TYPE_CHECKING:
+    from etnet.inspection.asked import Asked
+    from etnet.inspection.described import Described
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """By what names Python finds what is open: the recording's file, and the network or its file."""
+
+    recording: str
+    model: str
+
+
+def described(moment: Moment, ready: Ready, named: Named, request: FrameRequest | None = None) -> Described:
+    """The moment by all that decides its bits; `request` names another one than the frame's, of the same playback."""
+    from etnet.events.opened_as import OpenedAs
+    from etnet.inspection.described import Described
+
+    asked = ready.request if request is None else request
+    runtime = ready.contract.runtime
+    return Described(
+        named.recording,
+        named.model,
+        asked.policy,
+        asked.index,
+        moment.recording.opened_as or OpenedAs(),
+        asked.cleaning,
+        asked.cold_at,
+        "bf16" if runtime.precision == "bf16" else "fp32",
+        ready.contract.device,
+        ready.contract.threads,
+        asked.intervention,
+        asked.edit,
+        asked.since,
+        asked.once,
+    )
+
+
+def code_html(text: str, is_shown: bool, switch: str) -> str:
+    """A button that shows the lines, and the lines with one that copies them. `switch`: its key without the word."""
+    opener = icon_button(f"{switch}:{not is_shown}", "code", "Copy as Python", is_on=is_shown)
+    head = f'<div class="et-caption"><span>Copy as Python</span>{opener}</div>'
+    if not is_shown:
+        return head
+    copy = '<button class="et-button" data-etv-copy-text="1">Copy</button>'
+    note = '<span class="et-note">Exact on the same machine, with the same versions. Run it where the file lies.</span>'
+    return (
+        f'{head}<pre class="et-code" data-testid="python" tabindex="0">{escape(text)}</pre>'
+        f'<div class="et-chips">{copy}{note}</div>'
+    )
+
+
+def python_of(described_: Described, asked: Asked, then: Described | None = None) -> str:
+    """The lines."""
+    from etnet.inspection.as_python import as_python
+
+    return as_python(described_, asked, then)

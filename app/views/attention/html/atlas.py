@@ -1,0 +1,169 @@
+"""All sites at a glance: a map for each, and under it what each head does to the pixel when it is masked."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from app.html.attention.changed import changed_at
+from app.html.attention.maps import (
+    Site,
+    base_url,
+    map_facts,
+    map_html,
+    row_of,
+    site_words,
+    tokens_words,
+)
+from app.html.card import segmented
+from app.html.elements import escape, panel
+from app.html.moment import PICTURES
+from app.html.units import resolution, short
+from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.state import AttentionState
+from app.views.page import Page
+from etnet.render.attention import times_uniform
+
+_ALIKE = 2.0
+"""× uniform that no token reaches in a row which attends to all of them almost alike."""
+_ALIKE_WORDS = "Every site attends to all tokens almost alike here: its attention tells little."
+LOUD = 0.25
+"""Of the strongest head's effect: from there on a bar is drawn in the accent."""
+_ORDERS = {"network": "network", "effect": "effect", "entropy": "entropy", "distance": "distance"}
+Effects = Float[np.ndarray, "sites heads"]
+
+
+def atlas_html(page: Page) -> tuple[str, str, str]:
+    """Note, tools and body of the card."""
+    shown = shown_of(page)
+    order = page.state.of(AttentionState).order
+    tools = segmented(
+        "Order", {f"set:attention.order:{name}": words for name, words in _ORDERS.items()},
+        f"set:attention.order:{order}",
+    )  # fmt: skip
+    if shown is None:
+        return "", tools, panel("attention", missing(page, is_brief=True))
+    effects = effects_of(shown)
+    note = "bars: effect of each head on this pixel when masked" + _progress(shown)
+    style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
+    return note, tools, panel("attention", _grid(shown, effects), _alike(shown), style=style)
+
+
+def effects_of(shown: Shown) -> dict[str, Float[np.ndarray, " heads"]]:
+    """By site: masked − not masked at the pixel, of the original network; NaN where it is not measured yet."""
+    atlas = shown.result("atlas")
+    if atlas is None:
+        return {}
+    table = atlas.on_pixel(*shown.look.query).numpy()
+    return dict(zip(atlas.sites, table, strict=True))
+
+
+def _progress(shown: Shown) -> str:
+    atlas = shown.result("atlas")
+    if atlas is None:
+        found = shown.page.results.get("attention.atlas")
+        return f" · {escape(found.trouble)}" if found is not None and found.trouble else " · waiting"
+    done, wanted = atlas.progress
+    return "" if atlas.is_whole else f' · <span data-testid="atlas-progress">{done} of {wanted}</span>'
+
+
+def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
+    """A row for each scale, the coarsest first, a column for each layer; or the sites in an order of their own."""
+    sites = {name: Site.of(name) for name in shown.attention.sites}
+    layers = list(dict.fromkeys(site.row for site in sites.values()))
+    scales = sorted({site.scale for site in sites.values()}, reverse=True)
+    largest = max((float(np.nanmax(np.abs(row))) for row in effects.values() if not np.isnan(row).all()), default=0.0)
+    style = f"--columns:{len(layers)};--rows:{len(scales)}"
+    if shown.look.order != "network":
+        cells = [_cell(shown, name, effects, largest, _place(name)) for name in _sorted(shown, effects)]
+        return f'<div class="et-sites et-atlas et-sorted" style="{style}">{"".join(cells)}</div>'
+    by_place = {(site.row, site.scale): name for name, site in sites.items()}
+    short_names = {"encoder": "enc", "decoder": "dec"}
+    cells = ["<span></span>"]
+    cells += [
+        f'<div class="et-head">{short_names.get(part, part)} {layer + 1}<br>{kind}</div>'
+        for part, layer, kind in layers
+    ]
+    for scale in scales:
+        cells.append(f'<div class="et-name"><b>{resolution(scale)}</b></div>')
+        cells += [
+            "<span></span>" if (name := by_place.get((layer, scale))) is None else _cell(shown, name, effects, largest)
+            for layer in layers
+        ]
+    return f'<div class="et-sites et-atlas" style="{style}">{"".join(cells)}</div>'
+
+
+def _place(name: str) -> str:
+    site = Site.of(name)
+    return f'<span class="et-label">{resolution(site.scale)} {site.part[:3]} {site.layer + 1} {site.kind}</span>'
+
+
+def _cell(shown: Shown, name: str, effects: dict[str, np.ndarray], largest: float, label: str = "") -> str:
+    look = shown.look
+
+    def make() -> str:
+        row = row_of(shown.ready, shown.attention, name, look)
+        title = f"{site_words(name, shown.attention.sites)}; ≈ {tokens_words(row)} tokens"
+        return map_html(shown.attention, row, look, title, f"attention:site:{name}")
+
+    map_ = PICTURES.text(("atlas map", shown.ready.key, look, name), make)
+    mark = " et-chosen" if name == shown.site else ""
+    if changed_at(shown.ready.request.intervention, name):
+        mark += " et-muted"
+    return (
+        f'<div class="et-thumb{mark}" data-testid="{escape(name)}" data-etv-site="{escape(name)}">{map_}'
+        f"{bars(effects.get(name), largest, shown.num_heads)}{label}</div>"
+    )
+
+
+def bars(effects: Float[np.ndarray, " heads"] | None, largest: float, num_heads: int) -> str:
+    """A bar for each head, as long as its effect is beside the strongest head's of all sites."""
+    drawn: list[str] = []
+    said: list[str] = []
+    for head in range(num_heads):
+        value = float("nan") if effects is None else float(effects[head])
+        if np.isnan(value):
+            drawn.append('<i class="et-unknown"></i>')
+            continue
+        share = abs(value) / largest if largest > 0 else 0.0
+        loud = ' class="et-loud"' if share >= LOUD else ""
+        drawn.append(f'<i{loud} style="height:{max(100 * share, 4):.0f}%"></i>')
+        said.append(f"head {head}: {effect_words(value)}")
+    title = "; ".join(said) or "not measured yet"
+    return f'<span class="et-effects" title="{escape(title)}">{"".join(drawn)}</span>'
+
+
+def effect_words(value: float) -> str:
+    """A signed difference of a raw frame (0 … 1)."""
+    return f"{value:+.4f}".replace("-", "−")
+
+
+def _sorted(shown: Shown, effects: dict[str, np.ndarray]) -> list[str]:
+    """Sites by their strongest head's effect, by how sharp their map is, or by how far it reaches."""
+
+    def place(name: str) -> float:
+        if shown.look.order == "effect":
+            row = effects.get(name)
+            return -float(np.nanmax(np.abs(row))) if row is not None and not np.isnan(row).all() else 0.0
+        row = row_of(shown.ready, shown.attention, name, shown.look)
+        bits, pixels = map_facts(shown.attention, row, shown.look.query)
+        return bits if shown.look.order == "entropy" else -pixels
+
+    return sorted(shown.attention.sites, key=place)
+
+
+def _alike(shown: Shown) -> str:
+    """What may be concluded of the whole: that maps are flat, or that making all of them flat changes nothing."""
+    atlas = shown.result("atlas")
+    if atlas is not None:
+        x, y = shown.look.query
+        here, image = abs(float(atlas.uniform[y, x])), float(atlas.uniform.abs().mean())
+        if max(here, image) < 0.005:
+            return (
+                '<div class="et-note" data-testid="alike">With all attention made uniform this pixel moves by '
+                f"{short(here)} and the image by {short(image)}: maps explain little here.</div>"
+            )
+    rows = (row_of(shown.ready, shown.attention, name, shown.look) for name in shown.attention.sites)
+    if all(times_uniform(row).max() < _ALIKE for row in rows):
+        return f'<div class="et-note" data-testid="alike">{_ALIKE_WORDS}</div>'
+    return ""

@@ -1,0 +1,74 @@
+"""Pins: a map at another moment, of another head or network, and the current map held against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from app.html.attention.changed import site_name
+from app.html.attention.maps import head_words
+from app.html.units import count
+from app.views.attention.html.shown import Shown
+from app.views.attention.jobs.time import PinJob
+from app.views.attention.state import PinnedMap
+
+if TYPE_CHECKING:
+    from etnet.inspection.pins import MapDifference, Pin
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Difference:
+    """The current map against a pin."""
+
+    slot: Literal["a", "b"]
+    pinned: PinnedMap
+    found: MapDifference
+
+
+def pin_words(pinned: PinnedMap) -> str:
+    """What a pin holds: moment, network, site, head, query."""
+    x, y = pinned.query
+    head = head_words(pinned.head, pinned.gather)
+    return (
+        f"window {count(pinned.request.index)} · {pinned.request.model_id} · {site_name(pinned.site)}, {head},"
+        f" {pinned.direction} · pixel {x}, {y}"
+    )
+
+
+def difference_of(shown: Shown) -> Difference | None:
+    """`None` where nothing is compared, the pin is not computed yet, or the two grids differ."""
+    slice_ = shown.slice_
+    found = shown.page.results.get("attention.pin")
+    if slice_.pinned is None or found is None or found.value is None or found.job != PinJob(slice_.pinned):
+        return None
+    then: Pin = found.value
+    if then.grid != shown.grid:
+        return None
+    from etnet.inspection.pins import difference
+
+    slot: Literal["a", "b"] = "a" if slice_.compare == "a" else "b"
+    return Difference(slot, slice_.pinned, difference(now_of(shown), then))
+
+
+def now_of(shown: Shown) -> Pin:
+    """The current map as a pin."""
+    import torch
+
+    from etnet.inspection.pins import Pin
+
+    moment, ready, look = shown.page.moment, shown.ready, shown.look
+    assert moment is not None
+    index = ready.request.index
+    return Pin(
+        moment.recording.name,
+        shown.page.model.title,
+        index,
+        moment.windows[index].t_stop,
+        look.query,
+        shown.site,
+        look.gather if look.head is None else look.head,
+        look.direction,
+        torch.from_numpy(shown.row().copy()),
+        torch.from_numpy(ready.frame.copy()),
+        shown.grid,
+    )

@@ -1,0 +1,172 @@
+"""The shelf: the heads of the chosen site, what is like the chosen token, and the site over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.engine.jobs import JobResult
+from app.html.attention.maps import base_url, head_words, large_map, map_facts, map_html
+from app.html.card import segmented
+from app.html.controls import under_way
+from app.html.elements import ON_PICK, escape, panel
+from app.html.units import of_whole, seconds
+from app.views.attention.html.atlas import effect_words, effects_of
+from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.jobs.time import NEAR, Curve
+from app.views.attention.state import AttentionState, Quantity
+from app.views.page import Page
+from etnet.render.colours import sequential
+
+QUANTITIES: dict[Quantity, str] = {"entropy": "entropy", "mass": "local", "effect": "effect"}
+_WIDTH, _HEIGHT = 1000, 200
+
+
+def heads_html(page: Page) -> tuple[str, str]:
+    """Note and body of the card of heads."""
+    shown = shown_of(page)
+    if shown is None:
+        return "", panel("site-heads", missing(page, is_brief=True))
+    effects = effects_of(shown).get(shown.site)
+    cells: list[tuple[float, str]] = []
+    for head, row in enumerate(shown.rows()):
+        bits, pixels = map_facts(shown.attention, row, shown.look.query)
+        map_ = map_html(shown.attention, row, shown.look, f"head {head}", f"set:attention.head:{head}")
+        mark = " et-chosen" if head == shown.look.head else ""
+        value = float("nan") if effects is None else float(effects[head])
+        effect = "…" if np.isnan(value) else effect_words(value)
+        muted = (shown.site, head) in shown.ready.request.intervention.masked_heads
+        title = f"{bits:.2f} bits, mean distance {pixels:.0f} px"
+        label = f'<span class="et-label" title="{title}"><b>{head}</b><span>{effect}</span></span>'
+        place = {"network": head, "effect": -abs(value), "entropy": bits, "distance": -pixels}[shown.look.order]
+        mark += " et-muted" if muted else ""
+        cell = f'<div class="et-thumb{mark}" data-testid="head-{head}">{map_}{label}</div>'
+        cells.append((float("inf") if np.isnan(place) else float(place), cell))
+    in_order = "".join(cell for _, cell in sorted(cells, key=lambda cell: cell[0]))
+    style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
+    body = f'<div class="et-heads et-row-of-heads">{in_order}</div>'
+    return "effect on this pixel when masked", panel("site-heads", body, style=style)
+
+
+def tokens_html(page: Page) -> tuple[str, str, str, str]:
+    """Title, note, tools and body of the card of tokens."""
+    slice_ = page.state.of(AttentionState)
+    options = {"set:attention.tokens:similarity": "similar", "set:attention.tokens:pca": "PCA"}
+    tools = segmented("Tokens", options, f"set:attention.tokens:{slice_.tokens}")
+    title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
+    shown = shown_of(page)
+    if shown is None:
+        return title, "", tools, panel("tokens", missing(page, is_brief=True))
+    found = shown.result("tokens", site=shown.site)
+    if found is None:
+        return title, "", tools, panel("tokens", _waits(page.results.get("attention.tokens"), "one pass of TPA"))
+    if slice_.tokens == "similarity":
+        return title, "cosine to this token", tools, panel("tokens", _similar(shown, found))
+    basis = shown.result("basis", site=shown.site)
+    if basis is None:
+        waits = _waits(page.results.get("attention.basis"), "fitting colours to the recording, once")
+        return title, "", tools, panel("tokens", waits)
+    held = " + ".join(of_whole(share) for share in basis.explained)
+    return title, f"PCA, {held} of the variance", tools, panel("tokens", _colours(shown, found, basis))
+
+
+def _similar(shown: Shown, found) -> str:
+    values = found.similarity(shown.look.query)
+    level = np.rint((values.clip(-1, 1) + 1) * 127.5).astype(np.uint8)
+    tokens = np.concatenate([sequential()[level], np.full((*level.shape, 1), 255, np.uint8)], axis=-1)
+    image = large_map(
+        found.grid, tokens, values.reshape(-1), "", "cosine similarity", query=shown.look.query, unit="cosine"
+    )
+    readout = '<span class="et-chip" data-etv-readout>cosine −1 … 1</span>'
+    return (
+        f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges"><span></span>{readout}</div></div>'
+    )
+
+
+def _colours(shown: Shown, found, basis) -> str:
+    colours = np.rint(basis.colours(found.map) * 255).astype(np.uint8)
+    tokens = np.concatenate([colours, np.full((*colours.shape[:2], 1), 255, np.uint8)], axis=-1)
+    first = basis.coordinates(found.map)[..., 0].reshape(-1)
+    image = large_map(found.grid, tokens, first, "", "three components", query=shown.look.query, unit="on the first")
+    return f'<div class="et-stage-map" data-etv-focus="1">{image}</div>'
+
+
+def time_html(page: Page) -> tuple[str, str, str]:
+    """Note, tools and body of the card of the site over time."""
+    slice_ = page.state.of(AttentionState)
+    quantities = {f"set:attention.curve:{name}": words for name, words in QUANTITIES.items()}
+    places = {"set:attention.follows:False": "pixel", "set:attention.follows:True": "patch"}
+    tools = segmented("Quantity", quantities, f"set:attention.curve:{slice_.curve}") + segmented(
+        "Place", places, f"set:attention.follows:{slice_.follows}"
+    )
+    shown = shown_of(page)
+    if shown is None:
+        return "", tools, panel("time", missing(page, is_brief=True))
+    result = page.results.get("attention.curve")
+    if result is None or not isinstance(result.value, Curve) or not _answers(shown, result):
+        return "", tools, panel("time", _waits(result, "one window after the other"))
+    curve, note = result.value, _curve_words(shown, slice_)
+    waits = "" if result.is_whole else under_way(result.share, f"{len(curve.indices)} of {curve.wanted} windows")
+    return note, tools, panel("time", _drawn(shown, curve), waits)
+
+
+def _answers(shown: Shown, result: JobResult) -> bool:
+    job, slice_ = result.job, shown.slice_
+    asked = (shown.look.query, slice_.site, slice_.curve, slice_.follows)
+    return (job.pixel, job.site, job.quantity, job.follows) == asked  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _curve_words(shown: Shown, slice_: AttentionState) -> str:
+    head = shown.look.head
+    match slice_.curve:
+        case "effect":
+            return "masking " + head_words(head, "mean") if head is not None else "ablating this site"
+        case "mass":
+            return f"mass within {NEAR} px"
+    return "bits, " + (f"head {head}" if head is not None else "mean of the heads’ entropies")
+
+
+def _drawn(shown: Shown, curve: Curve) -> str:
+    """Every head in grey, the chosen one or the mean of all in the accent; a click goes to its moment."""
+    moment, index = shown.page.moment, shown.page.state.index
+    assert moment is not None
+    start = moment.recording.span.start
+    times = [(stamp - start) / 1e6 for stamp in curve.stamps]
+    first, last = times[0], max(times[-1], times[0] + 1e-6)
+    head = shown.look.head
+    lines = [(values, False) for values in curve.values.T] if curve.values.shape[1] > 1 else []
+    chosen = curve.values[:, head] if head is not None and head < curve.values.shape[1] else curve.values.mean(1)
+    lines.append((chosen, True))
+    low, high = min(0.0, float(curve.values.min())), max(float(curve.values.max()), 1e-6)
+    if shown.slice_.curve == "entropy":
+        low, high = 0.0, float(np.log2(shown.grid.num_tokens))
+
+    def path(values: np.ndarray) -> str:
+        points = zip(times, values.tolist(), strict=True)
+        return " ".join(
+            f"{_WIDTH * (t - first) / (last - first):.1f},{_HEIGHT * (1 - (v - low) / (high - low)):.1f}"
+            for t, v in points
+        )
+
+    drawn = "".join(
+        f'<polyline points="{path(values)}" class="{"et-loud" if is_chosen else ""}"></polyline>'
+        for values, is_chosen in lines
+    )
+    now = ""
+    if index in curve.indices:
+        at = 100 * (times[curve.indices.index(index)] - first) / (last - first)
+        now = f'<i class="et-head-line" style="left:{at:.2f}%"></i>'
+        here = float(chosen[curve.indices.index(index)])
+        now += f'<span class="et-chart-high" data-testid="curve-now">now {here:.4g}</span>'
+    return (
+        f'<div class="et-chart et-pick et-over-time" data-k="span:{first:.6f},{last:.6f}" {ON_PICK}'
+        f' title="Click to go there"><svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none">{drawn}</svg>'
+        f'{now}<span class="et-chart-low">{escape(seconds(first))}</span>'
+        f'<span class="et-chart-low et-chart-end">{escape(seconds(last))}</span>'
+        f'<span class="et-chart-high et-chart-end">{high:.3g}</span></div>'
+    )
+
+
+def _waits(result: JobResult | None, what: str) -> str:
+    if result is not None and result.trouble:
+        return f'<div class="et-say" data-testid="lacks">{escape(result.trouble)}.</div>'
+    return under_way(0.0 if result is None else result.share, what)

@@ -1,0 +1,136 @@
+"""What all cards of the attention workspace are drawn from, or why there is nothing to draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from app.engine.network_parts import NetworkParts
+from app.engine.requests import Ready
+from app.html.attention.look import AttentionLook
+from app.html.attention.maps import gathered, rows_of
+from app.html.controls import under_way
+from app.html.elements import empty
+from app.html.moment import ARRAYS
+from app.html.units import milliseconds
+from app.views.attention.jobs.site import SiteFacts
+from app.views.attention.state import AttentionState, look_of
+from app.views.page import Page
+
+if TYPE_CHECKING:
+    from etnet.nets.attention import Attention
+    from etnet.nets.padding import TokenGrid
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """The maps that can be drawn now."""
+
+    page: Page
+    slice_: AttentionState
+    look: AttentionLook
+    ready: Ready
+    attention: Attention
+
+    @property
+    def site(self) -> str:
+        """The chosen site, or, where this network has no such one, its first."""
+        return self.slice_.site if self.slice_.site in self.attention.sites else self.attention.sites[0]
+
+    @property
+    def grid(self) -> TokenGrid:
+        """The token grid over the padded sensor."""
+        return self.attention.grid
+
+    @property
+    def token(self) -> int:
+        """The token over the chosen pixel."""
+        return self.grid.token_at(*self.look.query)
+
+    @property
+    def coarsest(self) -> int:
+        """The coarsest scale that has attention."""
+        return max(int(name[5]) for name in self.attention.sites)
+
+    @property
+    def num_heads(self) -> int:
+        """Heads of a site."""
+        return len(self.attention.queries[self.site])
+
+    def result(self, slot: str, **asked: object) -> Any:
+        """What a job has found, if it answers what is asked now; `None` before that."""
+        found = self.page.results.get(f"attention.{slot}")
+        if found is None or any(getattr(found.job, name) != value for name, value in asked.items()):
+            return None
+        request = found.job.request
+        if slot in ("site", "tokens"):
+            return found.value if request.frame == self.ready.request.frame else None
+        return found.value if request.index == self.ready.request.index or slot == "basis" else None
+
+    def rows(self) -> Float[np.ndarray, "heads tokens"]:
+        """The chosen site's map of each head: weights, or what is handed over by them as shares of it."""
+        if self.slice_.weight == "value" and (facts := self.result("site", site=self.site)) is not None:
+            return self._handed(facts)[0]
+        return rows_of(self.ready, self.attention, self.site, self.look.query, self.look.direction)
+
+    def row(self) -> Float[np.ndarray, " tokens"]:
+        """The chosen map. What all heads together hand over is the norm of their sum: they may cancel."""
+        if self.slice_.weight == "value" and self.slice_.head is None:
+            facts = self.result("site", site=self.site)
+            if facts is not None and self.slice_.gather == "mean":
+                return self._handed(facts)[1]
+        return gathered(self.rows(), self.look.head, self.look.gather)
+
+    def _handed(self, facts: SiteFacts) -> tuple[np.ndarray, np.ndarray]:
+        key = ("handed", self.ready.key, self.site, self.token)
+        return ARRAYS.get(key, lambda: _handed_over(facts, self.site, self.token), lambda made: 2 * made[0].nbytes)
+
+
+def _handed_over(facts: SiteFacts, site: str, token: int) -> tuple[np.ndarray, np.ndarray]:
+    from etnet.inspection.mass import value_weighted
+
+    found = value_weighted(facts.attention, site, [token])
+    shares = [maps / maps.sum(-1, keepdim=True).clamp_min(1e-20) for maps in (found.by_head[:, 0], found.joint[0])]
+    return shares[0].cpu().numpy(), shares[1].cpu().numpy()
+
+
+def lacks_attention(page: Page) -> str:
+    """Why the page's network has no maps, in one sentence; empty where it has, or while that is not known."""
+    found = page.results.get("attention.network")
+    if found is None or not isinstance(found.value, NetworkParts):
+        return ""
+    return found.value.lacks.get("attention", "")
+
+
+def missing(page: Page, is_brief: bool = False) -> str:
+    """Why there are no maps yet, and how far they are; empty where there are. `is_brief`: the stage says it."""
+    ready, failed = page.ready, page.failed
+    if page.moment is None:
+        return empty("No recording", page.trouble or "Choose one in the bar.")
+    if sentence := lacks_attention(page):
+        return empty("No attention", f"{sentence}.")
+    if page.state.query is None:
+        return empty("Choose a pixel", "Click into the image: every map then shows what the network attends to there.")
+    if ready is not None and ready.attention is not None and ready.attention.sites:
+        return ""
+    if is_brief:
+        return '<div class="et-note">Follows with the maps.</div>'
+    if failed is not None:
+        return empty("No maps", failed.message)
+    if ready is None:
+        return under_way(0.0, "computing the first image")
+    took = f", about {milliseconds(page.step_milliseconds)}" if page.step_milliseconds else ""
+    return under_way(0.0, f"one decode for the maps of all heads{took}")
+
+
+def shown_of(page: Page) -> Shown | None:
+    """The maps of the newest frame that has them; `None` where `missing` says why."""
+    look, ready = look_of(page), page.ready
+    if look is None or ready is None or ready.attention is None or not ready.attention.sites:
+        return None
+    if lacks_attention(page):
+        return None
+    return Shown(page, page.state.of(AttentionState), look, ready, ready.attention)

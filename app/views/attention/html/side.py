@@ -1,0 +1,232 @@
+"""The settings of attention: query, comparison, how maps are drawn, what can be changed, and whether it matters."""
+
+from __future__ import annotations
+
+from app.html.attention.changed import change_words, since_words
+from app.html.attention.difference import difference_legend
+from app.html.attention.maps import highest_of, map_legend
+from app.html.attention.python import Named, code_html, described, python_of
+from app.html.card import icon_button, segmented
+from app.html.controls import button, plain_bar
+from app.html.elements import escape, panel
+from app.html.moment import ARRAYS
+from app.html.units import of_whole
+from app.views.attention.html.pins import difference_of, pin_words
+from app.views.attention.html.shown import Shown, lacks_attention, shown_of
+from app.views.attention.state import AttentionState
+from app.views.inspect.state import Change, InspectState, is_switched
+from app.views.page import Page
+from app.views.scene.state import SceneState
+
+SCOPES = {
+    "inspect:scope:window": "this window",
+    "inspect:scope:on": "from here on",
+    "inspect:scope:once": "once",
+}
+
+
+def side_html(page: Page) -> str:
+    """Everything that is above the widgets; a sentence for a network without attention."""
+    if sentence := lacks_attention(page):
+        return panel("attention-tools", f'<div class="et-say" data-testid="lacks">{escape(sentence)}.</div>')
+    slice_, shown = page.state.of(AttentionState), shown_of(page)
+    parts = [_query(page, shown, slice_), _map(slice_), _range(shown, slice_)]
+    if shown is not None:
+        parts.append(change_html(page.state.of(InspectState).change, shown))
+        parts += [_matters(shown), _not_on_the_map(shown)]
+    parts.append(_scene(page, slice_))
+    if shown is not None:
+        parts.append(_code(shown))
+    return panel("attention-tools", *parts)
+
+
+def _choice(label: str, name: str, words: dict[object, str], held: object) -> str:
+    options = {f"set:attention.{name}:{word}": text for word, text in words.items()}
+    return _row(label, segmented(label, options, f"set:attention.{name}:{held}"))
+
+
+def _row(label: str, content: str) -> str:
+    return f'<div class="etv-row"><label>{label}</label>{content}</div>'
+
+
+def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
+    query = page.state.query
+    if query is None:
+        return '<h4>Query</h4><div class="et-note">Click into the image to choose a pixel.</div>'
+    token = ""
+    if shown is not None:
+        row, column = divmod(shown.token, shown.grid.columns)
+        grid = f"{shown.grid.columns} × {shown.grid.rows}"
+        token = _row("Token", f'<span data-testid="token">{column}, {row} of {grid} · no. {shown.token}</span>')
+    options = {"attention:compare:none": "none"}
+    pins: list[str] = []
+    for slot, pinned in (("a", slice_.pin_a), ("b", slice_.pin_b)):
+        if pinned is not None:
+            options[f"attention:compare:{slot}"] = slot.upper()
+            unpin = icon_button(f"attention:unpin:{slot}", "close", f"Unpin {slot.upper()}")
+            words = f"<b>{slot.upper()}</b> {escape(pin_words(pinned))}"
+            pins.append(f'<div class="et-pin" data-testid="pinned"><span>{words}</span>{unpin}</div>')
+    compare = segmented("Compare with", options, f"attention:compare:{slice_.compare}")
+    if not pins:
+        compare = '<span class="et-note">nothing pinned; the pin on the map keeps it with its moment</span>'
+    return f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{token}{_row('Compare with', compare)}{''.join(pins)}"
+
+
+def _map(slice_: AttentionState) -> str:
+    heads = segmented(
+        "Head aggregation",
+        {f"set:attention.gather:{word}": word for word in ("mean", "max", "min")},
+        "" if slice_.head is not None else f"set:attention.gather:{slice_.gather}",
+    )
+    if slice_.head is not None:
+        heads += button("all heads", "set:attention.head:none") + f'<span class="et-note">head {slice_.head}</span>'
+    ways: dict[object, str] = {"attends to": "attends to", "attended by": "attended by"}
+    weights: dict[object, str] = {"alpha": "α", "value": "‖αvW_O‖"}
+    weight = _choice("Weight", "weight", weights, slice_.weight)
+    if slice_.direction == "attended by":
+        weight = _row("Weight", '<span class="et-note">α; values are handed over along rows alone</span>')
+    direction = _choice("Direction", "direction", ways, slice_.direction)
+    return f"<h4>Map</h4>{_row('Head aggregation', heads)}{direction}{weight}"
+
+
+def _range(shown: Shown | None, slice_: AttentionState) -> str:
+    scale = ""
+    if shown is not None:
+        apart = difference_of(shown)
+        row = shown.row()
+        scale = map_legend(shown.look, highest_of(row, shown.look))
+        if apart is not None:
+            scale = difference_legend(apart.found.limit)
+    ranges: dict[object, str] = {"shared": "shared", "per map": "per map"}
+    scales: dict[object, str] = {False: "log", True: "linear"}
+    grains: dict[object, str] = {False: "tokens", True: "smooth"}
+    return (
+        f"<h4>Colour range</h4>{scale}{_choice('Range', 'map_range', ranges, slice_.map_range)}"
+        f"{_choice('Scale', 'is_linear', scales, slice_.is_linear)}"
+        f"{_choice('Rendering', 'is_smooth', grains, slice_.is_smooth)}"
+    )
+
+
+def change_html(change: Change, shown: Shown) -> str:
+    """What can be changed at this site, how far it reaches, and what is changed now, by name."""
+    site, head = shown.site, shown.look.head
+    parts = {f"alike {site}": "Uniform attention", f"site {site}": "Ablate site"}
+    why = ""
+    if head is not None and head < shown.num_heads:
+        parts = {f"head {site} {head}": f"Mask head {head}", **parts}
+    else:
+        why = '<div class="et-note">To mask one head, choose it below the map or by its digit.</div>'
+    switches = "".join(
+        button(words, f"inspect:switch:{part}", is_on=is_switched(change.intervention, part))
+        for part, words in parts.items()
+    )
+    scope = _row("Scope", segmented("Scope", SCOPES, f"inspect:scope:{change.scope}"))
+    if change.scope != "window" and not change.is_nothing and not _reaches_on(change):
+        why += '<div class="et-note">What changes the decoding alone leaves no trace in the state.</div>'
+    said = ""
+    if not change.is_nothing:
+        words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
+        said = (
+            f'<div class="et-changed" data-testid="changed"><span>{escape(words)}</span>'
+            f"{button('Reset all', 'inspect:reset', classes='et-strong')}</div>"
+        )
+    return f'<h4>Change</h4><div class="et-chips">{switches}</div>{scope}{why}{said}'
+
+
+def _reaches_on(change: Change) -> bool:
+    return change.intervention.changes_memory or not change.edit.changes_nothing
+
+
+def _matters(shown: Shown) -> str:
+    """Measured: what the pixel and the image lose without attention's choice, without TPA, without this site."""
+    whole, own = shown.result("matters"), shown.result("site_matters", site=shown.slice_.site)
+    measured = [
+        (words, None if found is None else found.at(name, shown.look.query), found and found.on_image(name))
+        for words, name, found in (
+            ("All uniform", "uniform", whole),
+            ("No TPA", "TPA", whole),
+            ("This site", "site", own),
+        )
+    ]
+    largest = max((abs(here) for _, here, _ in measured if here is not None), default=0.0)
+    rows = "".join(
+        f'<span class="et-note">{words}</span><span class="et-measure" data-testid="matters">'
+        + ("<i></i><b>…</b>" if here is None else f"{plain_bar(abs(here), largest)}<b>{abs(here):.4f}</b>")
+        + "</span>"
+        for words, here, _ in measured
+    )
+    images = ", ".join("…" if image is None else f"{image:.4f}" for _, _, image in measured)
+    return (
+        f'<h4>Does attention matter here?</h4><div class="et-table et-two et-bars">{rows}</div>'
+        f'<div class="et-note">change of this pixel; of the whole image {images}</div>'
+    )
+
+
+def _not_on_the_map(shown: Shown) -> str:
+    """Sinks and padding of the chosen site, in words."""
+    facts = shown.result("site", site=shown.slice_.site)
+    if facts is None:
+        return ""
+    key = ("waste", shown.ready.key, shown.site, shown.token)
+    on_sinks, num_sinks, on_padding, even = ARRAYS.get(key, lambda: _waste(shown, facts))
+    sinks = "No token is a sink: none is attended to by nearly all queries."
+    if num_sinks:
+        sinks = (
+            f"{of_whole(on_sinks)} of this row goes to {num_sinks} token{'s' if num_sinks > 1 else ''} that most "
+            "queries attend to (sinks)."
+        )
+    padding = f"{of_whole(on_padding, 1)} falls on padding; uniform attention gives {of_whole(even, 1)}."
+    return f'<h4>Attention sinks and padding</h4><div class="et-note" data-testid="waste">{sinks} {padding}</div>'
+
+
+def _waste(shown: Shown, facts) -> tuple[float, int, float, float]:
+    from etnet.inspection.mass import mass_on, padding_shares
+
+    rows = facts.attention.rows(shown.site, [shown.token])[:, 0]
+    shares = padding_shares(shown.grid)
+    on_sinks = float((rows.cpu().numpy() * facts.sinks).sum(-1).mean())
+    padding = float(mass_on(rows.mean(0), shares.to(rows.device)))
+    return on_sinks, int(facts.sinks.any(0).sum()), padding, float(shares.mean())
+
+
+def _scene(page: Page, slice_: AttentionState) -> str:
+    """What of this site stands in the event cloud, and why a switch cannot act now."""
+    links: dict[object, str] = {False: "off", True: "on"}
+    planes: dict[object, str] = {False: "events", True: "maps"}
+    said = "Shown in the event cloud of Inspect."
+    if slice_.shows_planes and page.state.of(SceneState).camera == "front":
+        said = "Maps stand behind the image; the front view hides them. Choose Perspective or Side in the event cloud."
+    elif not slice_.shows_planes and page.state.of(SceneState).camera == "front":
+        said = (
+            "The front view shows nothing behind the image. Choose Perspective or Side in the event cloud of Inspect."
+        )
+    return (
+        f"<h4>In the event cloud</h4>{_choice('Strongest links', 'shows_links', links, slice_.shows_links)}"
+        f'{_choice("Behind image", "shows_planes", planes, slice_.shows_planes)}<div class="et-note">{said}</div>'
+    )
+
+
+def _code(shown: Shown) -> str:
+    is_shown = shown.slice_.shows_code
+    return code_html(snippet(shown) if is_shown else "", is_shown, "set:attention.shows_code")
+
+
+def snippet(shown: Shown) -> str:
+    """The lines that give the large map, or the difference that stands in its place."""
+    from etnet.inspection.asked import Asked
+
+    page, slice_, look = shown.page, shown.slice_, shown.look
+    assert page.moment is not None
+    named = Named(page.file_name or "recording", page.model.source)
+    now = described(page.moment, shown.ready, named)
+    head = look.gather if look.head is None else look.head
+    apart = difference_of(shown)
+    if apart is not None:
+        held = apart.pinned
+        then = described(page.moment, shown.ready, Named(named.recording, held.request.model_id), held.request)
+        return python_of(
+            now, Asked("map_difference", shown.site, pixel=look.query, head=head, direction=look.direction), then
+        )
+    if slice_.weight == "value" and look.direction == "attends to":
+        return python_of(now, Asked("value_weighted", shown.site, shown.token))
+    return python_of(now, Asked("map", shown.site, shown.token, head=head, direction=look.direction))

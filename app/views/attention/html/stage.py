@@ -1,0 +1,195 @@
+"""The chosen site's map, large: whole pixels for a token, its numbers under the pointer, what it amounts to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.html.attention.changed import changed_at, site_name
+from app.html.attention.difference import difference_tokens
+from app.html.attention.maps import (
+    Site,
+    base_url,
+    head_words,
+    large_map,
+    map_facts,
+    patch_size,
+    source,
+    tokens_of,
+    tokens_words,
+)
+from app.html.card import icon_button
+from app.html.elements import chip, escape, panel, picture
+from app.html.moment import PICTURES
+from app.html.pictures import lag_line, reconstruction_image
+from app.html.units import count, resolution
+from app.views.attention.html.pins import Difference, difference_of, pin_words
+from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.page import Page
+from app.views.reconstruction.state import tones_of
+from etnet.render.attention import times_uniform
+from etnet.render.encode import data_url
+from etnet.render.tone import tone_map
+
+NOT = (
+    ("Not the reason for a pixel", "Skips and the upsampler go round TPA. Look at the bars: they are measured."),
+    ("Not what is handed over", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
+    ("Not where in the scene", "After the first layer a token already mixes others."),
+    ("Not unique", "Heads can cancel each other, and a sharp head may write where nothing reads."),
+    ("Not signed", "A weight can brighten or darken. Signs are in ablations and gradients."),
+    ("Not always in known land", "Positions that training never met say more about the position code."),
+)
+
+
+def stage_html(page: Page) -> tuple[str, str, str, str]:
+    """Title, note, tools and body of the card."""
+    lag = lag_line(page.ready, page.state.index, page.working, page.failed)
+    shown = shown_of(page)
+    if shown is None:
+        return "Attention", "", "", panel("site", lag, _frame(page), missing(page))
+    site, head = shown.site, shown.look.head
+    note = escape(head_words(head, shown.look.gather, shown.num_heads))
+    body = _explained() if shown.slice_.explains else _map(shown)
+    return site_name(site), note, _tools(shown), panel("site", lag, _line(shown), body, _foot(shown))
+
+
+def _frame(page: Page) -> str:
+    """The reconstruction, so that a pixel can be chosen."""
+    ready = page.ready
+    if ready is None or page.moment is None:
+        return ""
+    tones = tones_of(page)
+    url = PICTURES.text(("frame", ready.key, tones), lambda: data_url(reconstruction_image(ready, tones), False))
+    height, width = ready.frame.shape
+    return picture(url, "Reconstruction", key="pixel", size=(width, height), classes="et-large-map")
+
+
+def _tools(shown: Shown) -> str:
+    slice_ = shown.slice_
+    slot = "a" if slice_.pin_a is None else "b"
+    return (
+        icon_button(
+            f"set:attention.explains:{not slice_.explains}",
+            "help",
+            "What attention maps are not",
+            is_on=slice_.explains,
+        )
+        + icon_button(f"attention:pin:{slot}", "pin", f"Pin this map with its moment as {slot.upper()}")
+        + icon_button(
+            f"set:attention.shows_code:{not slice_.shows_code}", "code", "Copy as Python", is_on=slice_.shows_code
+        )
+    )
+
+
+def _line(shown: Shown) -> str:
+    """Direction and scales in words, the library's name of the site, and the token."""
+    words = library_words(shown)
+    name = f'<code title="as the library calls it; the token">{escape(shown.site)} · {shown.token}</code>'
+    return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{name}</div>'
+
+
+def library_words(shown: Shown) -> str:
+    """What the map shows, as the library says it."""
+    from etnet.inspection.sites import Site as Named
+
+    return Named.of(shown.site).in_words(shown.coarsest, shown.look.direction)
+
+
+def _map(shown: Shown) -> str:
+    base = base_url(shown.ready, shown.attention, shown.look.tones, patch_size())
+    apart = difference_of(shown)
+    if apart is not None:
+        return _difference(shown, apart, base)
+    row = shown.row()
+    image = large_map(
+        shown.grid,
+        tokens_of(shown.attention, row, shown.look),
+        times_uniform(row),
+        base,
+        shown.site,
+        query=shown.look.query,
+        is_smooth=shown.look.is_smooth,
+    )
+    key = Site.of(shown.site)
+    reads = resolution(source(key, shown.attention.sites) if key.kind == "cross" else key.scale)
+    num = count(shown.grid.num_tokens)
+    if shown.look.direction == "attends to":
+        left = f"reads {reads} · ≈ {tokens_words(row)} of {num} tokens"
+    else:
+        left = f"received {float(row.sum()):.2f} × uniform"
+    peak = int(row.argmax())
+    at = divmod(peak, shown.grid.columns)
+    right = (
+        f'<span class="et-chip" data-etv-readout><span data-testid="peak" data-token="{peak}"'
+        f' data-weight="{row[peak]:.7g}">peak: token {at[1]}, {at[0]} · {times_uniform(row)[peak]:.3g} × uniform</span>'
+        "</span>"
+    )
+    badge = f'<span class="et-chip et-exact" data-testid="reads">{escape(left)}</span>'
+    return _staged(shown, image, badge + right)
+
+
+def _difference(shown: Shown, apart: Difference, base: str) -> str:
+    grid, found = shown.grid, apart.found
+    ratio = found.log_ratio.cpu().numpy()
+    image = large_map(
+        grid,
+        difference_tokens(ratio, found.limit, grid.rows, grid.columns, shown.look.opacity),
+        ratio,
+        base,
+        "now − then",
+        query=shown.look.query,
+        unit="log₂ now / then",
+        is_smooth=shown.look.is_smooth,
+    )
+    tones = shown.look.tones
+    frames = "".join(
+        f'<figure><span class="et-picture"><img alt="{words}" src="'
+        f'{data_url(tone_map(each.frame.float().cpu().numpy(), tones.tone, tones.is_linear_light), False)}"></span>'
+        f'<figcaption class="et-label"><b>{words}</b> window {each.index} · {escape(each.model)}</figcaption></figure>'
+        for words, each in (("now", found.now), ("then", found.then))
+    )
+    shared = float(np.minimum(found.now.map.cpu().numpy(), found.then.map.cpu().numpy()).sum())
+    said = f"now and {apart.slot.upper()} share {100 * shared:.0f} % of their weight"
+    badge = f'<span class="et-chip et-plain" data-testid="a-minus-b">{said}</span>'
+    readout = '<span class="et-chip" data-etv-readout>point at a token</span>'
+    return (
+        f"{_staged(shown, image, badge + readout)}"
+        f'<div class="et-pair et-frames-below" title="{escape(pin_words(apart.pinned))}">{frames}</div>'
+    )
+
+
+def _staged(shown: Shown, image: str, badges: str) -> str:
+    """A picture with what is said of it; what is changed at its site is marked on it."""
+    mark = changed_at(shown.ready.request.intervention, shown.site)
+    changed = f'<div class="et-mark">{chip(mark, "warning", "Changed on purpose; see Change")}</div>' if mark else ""
+    return (
+        f'<div class="et-stage-map" data-etv-focus="1" tabindex="0">{image}{changed}'
+        f'<div class="et-badges">{badges}</div></div>'
+    )
+
+
+def _foot(shown: Shown) -> str:
+    """Two entropies, each by its name, and how far the map looks."""
+    import torch
+
+    from etnet.inspection.entropy import head_entropies
+
+    row, rows = shown.row(), shown.rows()
+    bits, pixels = map_facts(shown.attention, row, shown.look.query)
+    most = f"of {np.log2(len(row)):.2f}"
+    if shown.look.head is not None or shown.look.gather != "mean":
+        sharp = f"entropy <b>{bits:.2f}</b> {most} bits"
+    else:
+        both = head_entropies(torch.from_numpy(rows)[:, None])
+        of_heads = float(both.mean_of_heads)
+        sharp = f"entropy <b>{bits:.2f}</b> (mean map) <b>{of_heads:.2f}</b> (mean of heads) {most} bits"
+    is_whole = shown.look.direction == "attends to" and (shown.look.head is not None or shown.look.gather == "mean")
+    total = f"<span>sum {float(row.sum()):.4f}</span>" if is_whole else ""
+    return (
+        f'<div class="et-caption" data-testid="map-facts"><span>{sharp}</span>'
+        f'<span title="mean distance"><b>{pixels:.0f}</b> px</span>{total}</div>'
+    )
+
+
+def _explained() -> str:
+    rows = "".join(f"<dt>{title}</dt><dd>{words}</dd>" for title, words in NOT)
+    return f'<dl class="et-not" data-testid="not"><h4>What attention maps are not</h4>{rows}</dl>'

@@ -1,0 +1,38 @@
+"""What the open attention view wants to know of the moment, beside the maps that come with its frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from app.engine.jobs import Job
+from app.engine.network_parts import NetworkPartsJob
+from app.engine.requests import FrameRequest
+from app.state.view_state import ViewState
+from app.views.attention.jobs.heads import AtlasJob, MattersJob
+from app.views.attention.jobs.site import BasisJob, SiteJob, TokensJob
+from app.views.attention.jobs.time import CurveJob, PinJob, stretch_of
+from app.views.attention.state import AttentionState
+
+
+def attention_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
+    """Nothing before a pixel is chosen but what the network has. What answers for every pixel names none."""
+    slice_, query = state.of(AttentionState), state.query
+    plain, asked = request.plain, replace(request, wants_attention=False)
+    wanted: dict[str, Job] = {"attention.network": NetworkPartsJob(replace(plain, index=0))}
+    if query is None or state.workspace != "attention":
+        return wanted
+    site = slice_.site
+    wanted["attention.site"] = SiteJob(asked, site)
+    wanted["attention.tokens"] = TokensJob(asked, site)
+    if slice_.tokens == "pca":
+        wanted["attention.basis"] = BasisJob(replace(plain, index=0), site)
+    wanted["attention.matters"] = MattersJob(plain)
+    wanted["attention.site_matters"] = MattersJob(plain, site)
+    if slice_.pinned is not None:
+        wanted["attention.pin"] = PinJob(slice_.pinned)
+    wanted["attention.atlas"] = AtlasJob(plain)
+    at = plain if slice_.follows else replace(plain, index=stretch_of(plain.index)[0])
+    head = slice_.head if slice_.quantity_has_a_head else None
+    wanted["attention.curve"] = CurveJob(at, query, site, slice_.curve, head, slice_.follows)
+    return wanted

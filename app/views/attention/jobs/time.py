@@ -1,0 +1,139 @@
+"""One site's attention over time, and maps that were pinned at another moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest
+from app.views.attention.state import PinnedMap, Quantity
+from etnet.nets.intervention import ORIGINAL, Intervention
+
+if TYPE_CHECKING:
+    from etnet.inspection.pins import Pin
+
+BLOCK = 12
+"""Windows: a curve begins and ends at multiples of it, so that a step along it computes nothing again."""
+NEAR = 16
+"""Pixels to each side of the pixel that count as near it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """A quantity of one site window by window, for each head."""
+
+    indices: tuple[int, ...]
+    stamps: tuple[int, ...]
+    """µs, when each window ends."""
+    values: Float32[np.ndarray, "windows heads"]
+    """Of an effect the axis has length 1: of the head that is masked, or of the site."""
+    pixels: tuple[tuple[int, int], ...]
+    """Where the query lay in each window."""
+    wanted: int
+
+
+def stretch_of(index: int) -> tuple[int, int]:
+    """The first window of a curve around a window, and how many it has at most."""
+    return max(0, (index // BLOCK - 1) * BLOCK), 3 * BLOCK
+
+
+@dataclass(frozen=True, slots=True)
+class CurveJob:
+    """One pixel's attention at one site over a stretch, past and coming; one or two decodes a window."""
+
+    request: FrameRequest
+    """Its index is the stretch's first window, or, where the patch is followed, the one that it starts from."""
+    pixel: tuple[int, int]
+    site: str
+    quantity: Quantity
+    head: int | None
+    """The head whose effect is measured; `None` takes the whole site's. Other quantities are of every head."""
+    follows: bool = False
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Curve, float]]:
+        """One window more each time."""
+        from etnet.inspection.anatomy import require
+
+        playback = loaded.playback
+        require(playback.model, "attention")
+        first, length = stretch_of(self.request.index) if self.follows else (self.request.index, 3 * BLOCK)
+        indices = range(first, min(first + length, len(playback)))
+        places = self._places(loaded, indices, cancelled)
+        found: list[tuple[int, np.ndarray]] = []
+        for index in (index for index in indices if index in places):
+            found.append((index, self._values(loaded, index, places[index], cancelled)))
+            done = tuple(each for each, _ in found)
+            yield (
+                Curve(
+                    done,
+                    tuple(playback.windows[each].t_stop for each in done),
+                    np.stack([values for _, values in found]),
+                    tuple(places[each] for each in done),
+                    len(places),
+                ),
+                len(found) / len(places),
+            )
+
+    def _places(
+        self, loaded: LoadedPlayback, indices: range, cancelled: Callable[[], bool]
+    ) -> dict[int, tuple[int, int]]:
+        if not self.follows:
+            return dict.fromkeys(indices, self.pixel)
+        from etnet.inspection.follow import follow, pixels_of
+
+        playback, start = loaded.playback, self.request.index
+        both = [
+            follow(playback.recording, playback.windows, start, self.pixel, until, cancelled=cancelled)
+            for until in (indices[0], indices[-1])
+        ]
+        return {index: pixel for way in both for index, pixel in pixels_of(way).items()}
+
+    def _values(
+        self, loaded: LoadedPlayback, index: int, pixel: tuple[int, int], cancelled: Callable[[], bool]
+    ) -> Float32[np.ndarray, " heads"]:
+        playback = loaded.playback
+        if self.quantity == "effect":
+            frames = [playback.at(index, intervention=each, cancelled=cancelled).frame for each in (ORIGINAL, self.cut)]
+            original, without = (float(frame[0, 0, pixel[1], pixel[0]]) for frame in frames)
+            return np.array([without - original], np.float32)
+        from etnet.inspection.mass import Region
+        from etnet.inspection.through_time import attention_through_time
+
+        x, y = pixel
+        near = Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1)
+        moment = next(attention_through_time(playback, pixel, [index], frozenset({self.site}), near, cancelled))
+        return getattr(moment, self.quantity)[0].float().cpu().numpy()
+
+    @property
+    def cut(self) -> Intervention:
+        """What is taken out for an effect."""
+        if self.head is None:
+            return Intervention(removed_sites=frozenset({self.site}))
+        return Intervention(masked_heads=frozenset({(self.site, self.head)}))
+
+
+@dataclass(frozen=True, slots=True)
+class PinJob:
+    """The map of a pin, at the pin's own moment and of its own network."""
+
+    pinned: PinnedMap
+
+    @property
+    def request(self) -> FrameRequest:
+        """The pin's moment."""
+        return self.pinned.request
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Pin, float]]:
+        """One decode that is observed."""
+        from etnet.inspection.pins import pin
+
+        held = self.pinned
+        playback, intervention = loaded.playing(held.request)
+        head = held.gather if held.head is None else held.head
+        index = held.request.index
+        yield pin(playback, index, held.query, held.site, head, held.direction, intervention, cancelled), 1.0

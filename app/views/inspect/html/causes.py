@@ -1,0 +1,260 @@
+"""Where a pixel comes from, since when, what a change does from there on, and how sure the frame is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.html.attention.changed import change_words, since_words
+from app.html.controls import (
+    button,
+    buttons,
+    choose_pixel,
+    grey_picture,
+    percent,
+    signed_limit,
+    signed_picture,
+)
+from app.html.elements import ON_PICK, escape, legend, marker, panel, picture
+from app.html.moment import PICTURES, Moment
+from app.html.tones import Tones
+from app.html.units import count, seconds, short
+from app.views.inspect.html.overview import stage_words
+from app.views.inspect.results import SpreadFound, TwinFound
+from app.views.inspect.state import Change
+from etnet.render.colours import css_gradient, sequential
+from etnet.render.encode import data_url
+from etnet.render.tone import tone_map
+
+if TYPE_CHECKING:
+    from etnet.inspection.causal_search import CausalSearch
+    from etnet.inspection.sources import Sources
+
+STAGES = {"events": "events now", "bins": "voxel bins", "memory": "state before", "scales": "TPA", "skips": "skips"}
+WIDEST = 16.0
+"""Pixels of the widest line."""
+TOLERANCES = (10, 20, 50, 100)
+"""Thousandths of full brightness that are offered for a causal search."""
+RECOVERED = 0.02
+_ROW, _WIDTH = 19, 320
+
+
+def sources_html(figure: Sources | None) -> str:
+    """A line from each part to the pixel, as wide as what the pixel loses without it."""
+    lead = (
+        "Each part is ablated alone and the step is made again: a line is as wide as the pixel moves. Parts can stand "
+        "in for each other, so widths do not add up."
+    )
+    head = f'<div class="et-note">{lead}</div>'
+    if figure is None or not figure.parts:
+        return panel("sources", head)
+    largest = max(max(abs(part.at_pixel) for part in figure.parts), 1e-6)
+    rows: list[tuple[float, str, float]] = []
+    y, labels = 14.0, ""
+    for stage, words in STAGES.items():
+        parts = figure.of(stage)  # pyright: ignore[reportArgumentType]  a word of `Stage`
+        if not parts:
+            continue
+        labels += f'<text x="8" y="{y:.0f}" style="fill:var(--text);font-weight:600">{words}</text>'
+        y += _ROW
+        for part in parts:
+            rows.append((y, part.name, part.at_pixel))
+            y += _ROW
+        y += 6
+    middle = y / 2
+    drawn = ""
+    for at, name, value in rows:
+        width = WIDEST * abs(value) / largest
+        signed = f"{value:+.4f}".replace("-", "−")
+        drawn += (
+            f'<g><title>{escape(stage_words(name))}: {signed}</title><path fill="none"'
+            f' d="M150 {at - 4:.0f} C 220 {at - 4:.0f}, 230 {middle:.0f}, 292 {middle:.0f}"'
+            f' stroke="var(--accent)" stroke-opacity="0.55" stroke-width="{max(width, 0.3):.2f}"'
+            f' data-testid="source"/></g>'
+            f'<text x="16" y="{at:.0f}">{escape(stage_words(name))}</text>'
+            f'<text x="146" y="{at:.0f}" text-anchor="end">{signed}</text>'
+        )
+    pixel = (
+        f'<circle cx="298" cy="{middle:.0f}" r="6" fill="#fff"></circle>'
+        f'<text x="298" y="{middle + 22:.0f}" text-anchor="middle">{figure.value:.3f}</text>'
+    )
+    svg = f'<svg viewBox="0 0 {_WIDTH} {y:.0f}" role="img" aria-label="pixel sources">{drawn}{labels}{pixel}</svg>'
+    note = "without − with, of full brightness; state before counts what earlier windows gave"
+    return panel("sources", head, f'<div class="et-sources">{svg}</div><div class="et-note">{note}</div>')
+
+
+def search_html(search: CausalSearch | None, is_whole: bool, tolerance: int, moment: Moment) -> str:
+    """The window that the pixel rests on, its time and events, and the twin that shows it."""
+    choice = buttons(
+        "Changed by",
+        "".join(
+            button(f"{each / 10:g} %", f"set:inspect.tolerance:{each}", is_on=each == tolerance) for each in TOLERANCES
+        ),
+        "of full brightness: from there on the pixel counts as changed",
+    )
+    lead = (
+        "The state of all levels is zeroed once, before one window. Zeroed late, it changes the pixel; zeroed early "
+        "enough, the network recovers. Between the two lies a window whose events the pixel rests on."
+    )
+    body = f'<div class="et-note">{lead}</div>{choice}'
+    if search is None or not search.trials:
+        return panel("search", body)
+    tried = " · ".join(
+        f"{trial.at}: {'changed' if trial.changes else 'same'}"
+        for trial in sorted(search.trials, key=lambda trial: trial.at)
+    )
+    body += f'<div class="et-say" data-testid="cause">{escape(_found(search, is_whole))}</div>'
+    if search.changes_at is not None and is_whole:
+        levels = ",".join(map(str, sorted(search.levels)))
+        entered = search.entered_at
+        shown = ""
+        if entered is not None:
+            window = moment.windows[entered]
+            at = (window.t_stop - moment.recording.span.start) / 1e6
+            shown = button(f"Go to window {count(entered)}", f"goto:{at:.6f}")
+            body += f'<div class="et-note">{count(window.num_events)} events, until {seconds(at)}</div>'
+        twin = button("Effect over time of that reset", f"inspect:twin:{search.changes_at}:{levels}")
+        body += f'<div class="et-chips">{shown}{twin}</div>'
+    return panel("search", body, f'<div class="et-note">Trials, by window: {tried}</div>')
+
+
+def _found(search: CausalSearch, is_whole: bool) -> str:
+    if not is_whole:
+        return f"{len(search.trials)} resets tried"
+    if search.changes_at is None:
+        return "No reset of the state changes this pixel by so much: it does not rest on the memory."
+    if search.entered_at is None:
+        return f"Even a reset {search.index - search.first} windows earlier changes it: it rests on something older."
+    ago = search.index - search.entered_at
+    return f"It rests on window {count(search.entered_at)}, {ago} window{'' if ago == 1 else 's'} earlier."
+
+
+def twin_html(
+    found: TwinFound | None,
+    key: object,
+    change: Change,
+    moment: Moment,
+    query: tuple[int, int] | None,
+    tones: Tones,
+) -> str:
+    """The curve of the difference, which can be clicked, and both frames of the current window side by side."""
+    if change.is_nothing:
+        zero = "".join(
+            button(words, f"inspect:twin:{moment.index}:{levels}")
+            for words, levels in (("all levels", "1,2,3"), ("1/2", "1"), ("1/4", "2"), ("1/8", "3"))
+        )
+        lead = "Nothing is changed. Change something under Intervention or in Attention, or zero the state once, here:"
+        return panel("twin", f'<div class="et-note">{lead}</div>', buttons("Zero state", zero))
+    words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
+    head = (
+        f'<div class="et-changed" data-testid="changed"><span>{escape(words)}</span>'
+        f"{button('Reset all', 'inspect:reset', classes='et-strong')}</div>"
+    )
+    if found is None:
+        return panel("twin", head)
+    image = found.on_image
+    here = np.abs(found.at(query)) if query is not None else None
+    pair = _pair(found, (key, moment.index), moment.index, tones)
+    return panel("twin", head, _curve(found, image, here, moment), pair, _recovered(found))
+
+
+def _curve(found: TwinFound, image: np.ndarray, here: np.ndarray | None, moment: Moment) -> str:
+    start = moment.recording.span.start
+    times = [(stamp - start) / 1e6 for stamp in found.stamps]
+    first, last = times[0], max(times[-1], times[0] + 1e-6)
+    top = max(float(image.max()), 0.0 if here is None else float(here.max()), 1e-6)
+
+    def line(values: np.ndarray, classes: str) -> str:
+        points = " ".join(
+            f"{1000 * (t - first) / (last - first):.1f},{200 * (1 - float(v) / top):.1f}"
+            for t, v in zip(times, values, strict=True)
+        )
+        return f'<polyline points="{points}" class="{classes}"></polyline>'
+
+    lines = line(image, "") + ("" if here is None else line(here, "et-loud"))
+    now = ""
+    if moment.index in found.indices:
+        at = 100 * (times[found.indices.index(moment.index)] - first) / (last - first)
+        now = f'<i class="et-head-line" style="left:{at:.2f}%"></i>'
+    words = "mean |difference| of the image" + (", and of this pixel (violet)" if here is not None else "")
+    return (
+        f'<div class="et-chart et-pick et-over-time" data-k="span:{first:.6f},{last:.6f}" {ON_PICK}'
+        f' title="Click to go there" data-testid="twin-curve"><svg viewBox="0 0 1000 200" preserveAspectRatio="none">'
+        f'{lines}</svg>{now}<span class="et-chart-low">{seconds(first)}</span>'
+        f'<span class="et-chart-low et-chart-end">{seconds(last)}</span>'
+        f'<span class="et-chart-high et-chart-end">{short(top)}</span></div><div class="et-note">{words}</div>'
+    )
+
+
+def _pair(found: TwinFound, key: object, index: int, tones: Tones) -> str:
+    if index not in found.indices:
+        first, last = found.indices[0], found.indices[-1]
+        return f'<div class="et-note">Both runs are compared in windows {first} to {last}; go there to see them.</div>'
+    place = found.indices.index(index)
+    original, changed = found.original[place], found.changed[place]
+    apart = changed - original
+    limit = signed_limit(apart)
+    pictures = (
+        (
+            "original",
+            grey_picture(tone_map(original, tones.tone, tones.is_linear_light), "original", (key, "o", tones)),
+        ),
+        ("changed", grey_picture(tone_map(changed, tones.tone, tones.is_linear_light), "changed", (key, "c", tones))),
+        ("difference", signed_picture(apart, limit, "changed − original", (key, "d"))),
+    )
+    cells = "".join(
+        f'<figure class="et-thumb">{image}<figcaption class="et-label">{words}</figcaption></figure>'
+        for words, image in pictures
+    )
+    return f'<div class="et-three" data-testid="twin-pair">{cells}</div>'
+
+
+def _recovered(found: TwinFound) -> str:
+    at = found.recovered_at(RECOVERED)
+    if at is None:
+        return f'<div class="et-say" data-testid="recovered">Not recovered by window {found.indices[-1]}.</div>'
+    if at == found.indices[0]:
+        said = f"No pixel is ever further off than {percent(RECOVERED, is_signed=False)}."
+    else:
+        said = f"Recovered from window {at} on: no pixel further off than {percent(RECOVERED, is_signed=False)}."
+    return f'<div class="et-say" data-testid="recovered">{said}</div>'
+
+
+def spread_html(found: SpreadFound | None, key: object, query: tuple[int, int] | None) -> str:
+    """The standard deviation over draws as a map, and what the camera says to it."""
+    lead = (
+        "A fifth of the recent events is left out at random, several times. Where frames differ, they rest on single "
+        "events."
+    )
+    head = f'<div class="et-note">{lead}</div>'
+    if found is None or found.num_done < 2:
+        return panel("spread", head)
+    height, width = found.deviation.shape
+    limit = max(float(np.percentile(found.deviation, 99.5)), 1e-4)
+
+    def make() -> str:
+        level = np.rint((found.deviation / limit).clip(0, 1) * 255).astype(np.uint8)
+        return data_url(sequential()[level], is_lossless=True)
+
+    marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
+    url = PICTURES.text(("spread", key, found.num_done), make)
+    image = picture(url, "standard deviation", key="pixel", size=(width, height), marks=marks)
+    scale = legend("standard deviation", css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {short(limit)}")])
+    here = "" if query is None else f"This pixel: {found.deviation[query[1], query[0]]:.4f}. "
+    told = "No camera frame at this moment, so its error is not known."
+    if found.pearson is not None and found.spearman is not None:
+        told = f"Correlation with the error: Pearson {found.pearson:.2f}, Spearman {found.spearman:.2f}."
+    if found.num_done < found.num_seeds:
+        told = ""
+    said = f"{here}{found.num_done} draws, from window {count(found.since)} on. {told}"
+    return panel("spread", head, image, scale, f'<div class="et-say" data-testid="spread-said">{escape(said)}</div>')
+
+
+def pixel_first(opened: str) -> str:
+    """What an inspector of one pixel says before one is chosen."""
+    words = {
+        "sources": "Every part of the network is then ablated alone, for that pixel.",
+        "search": "The window that it rests on is then found by bisection.",
+    }
+    return panel(opened, choose_pixel(words[opened]))

@@ -1,0 +1,106 @@
+"""What a pixel rests on, what a change does from there on, and how sure a frame is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.engine.playbacks import LoadedPlayback
+from app.engine.requests import FrameRequest
+from app.views.inspect.jobs.arrays import array
+from app.views.inspect.results import SpreadFound, TwinFound
+
+if TYPE_CHECKING:
+    from etnet.inspection.causal_search import CausalSearch
+    from etnet.inspection.sources import Sources
+
+TWIN_WINDOWS = 20
+"""Windows from the change's beginning on through which both runs are followed."""
+DROP, SEEDS, BACK = 0.2, 5, 4
+"""Of the spread: the share of events left out, the draws, and the windows from which on they are left out."""
+FURTHEST = 64
+"""Windows that a causal search goes back at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourcesJob:
+    """Every part of every stage ablated alone, for one pixel: one step each."""
+
+    request: FrameRequest
+    pixel: tuple[int, int]
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Sources, float]]:
+        """One part more each time."""
+        from etnet.inspection.sources import pixel_sources
+
+        for figure in pixel_sources(loaded.playback, self.request.index, self.pixel, cancelled):
+            yield figure, len(figure.parts) / figure.num_parts
+
+
+@dataclass(frozen=True, slots=True)
+class CauseJob:
+    """The window that a pixel rests on, by bisection over resets of the state."""
+
+    request: FrameRequest
+    pixel: tuple[int, int]
+    tolerance: float
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[CausalSearch, float]]:
+        """One trial more each time."""
+        from etnet.inspection.causal_search import search_cause
+
+        wanted = 2 + int(np.ceil(np.log2(FURTHEST)))
+        playback, index = loaded.playback, self.request.index
+        for search in search_cause(
+            playback, index, self.pixel, tolerance=self.tolerance, furthest=FURTHEST, cancelled=cancelled
+        ):
+            yield search, min(len(search.trials) / wanted, 0.99)
+
+
+@dataclass(frozen=True, slots=True)
+class TwinJob:
+    """The run as it is and the changed one in step, from the change's beginning on."""
+
+    request: FrameRequest
+    """Its index is the first window; the change holds from there on, or there alone."""
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[TwinFound, float]]:
+        """One window more each time: two steps."""
+        first = self.request.index
+        indices = range(first, min(first + TWIN_WINDOWS, len(loaded.playback)))
+        pairs: list[tuple[np.ndarray, np.ndarray]] = []
+        for index in indices:
+            asked = replace(self.request, index=index)
+            playback, intervention = loaded.playing(asked)
+            changed = playback.at(index, intervention=intervention, cancelled=cancelled).frame
+            original = loaded.playback.at(index, cancelled=cancelled).frame
+            pairs.append((array(original[0, 0]), array(changed[0, 0])))
+            done = indices[: len(pairs)]
+            stamps = tuple(loaded.playback.windows[each].t_stop for each in done)
+            originals, others = zip(*pairs, strict=True)
+            yield TwinFound(tuple(done), stamps, originals, others), len(pairs) / len(indices)
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadJob:
+    """Frames with a share of the recent events left out at random: their spread, and whether it tells the error."""
+
+    request: FrameRequest
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[SpreadFound, float]]:
+        """One draw more each time; the correlation at last."""
+        from etnet.inspection.uncertainty import camera_error, correlation, dropout_spread
+
+        playback, index = loaded.playback, self.request.index
+        found = None
+        for found in dropout_spread(playback, index, DROP, SEEDS, BACK, cancelled=cancelled):
+            done = len(found.frames)
+            yield SpreadFound(array(found.deviation), done, SEEDS, found.since), done / (SEEDS + 1)
+        assert found is not None
+        error = camera_error(playback, index, found.exact)
+        both = None if error is None else correlation(found.deviation, error)
+        pearson, spearman = (None, None) if both is None else (both.pearson, both.spearman)
+        yield SpreadFound(array(found.deviation), SEEDS, SEEDS, found.since, pearson, spearman), 1.0

@@ -1,0 +1,271 @@
+"""Where a pixel comes from, since when, what a change does from there on, and each inspector's lines of Python."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from app.engine.jobs import JobResult
+from app.engine.network_parts import NetworkPartsJob, network_parts
+from app.engine.playbacks import LoadedPlayback, Pace
+from app.engine.requests import FrameRequest, Ready
+from app.html.moment import Moment
+from app.html.provenance import ModelFacts
+from app.state.view_state import ViewState
+from app.views import VIEWS
+from app.views.attention.html.shown import shown_of
+from app.views.attention.html.side import snippet as map_snippet
+from app.views.attention.state import AttentionState
+from app.views.inspect.html.causes import search_html, sources_html
+from app.views.inspect.html.on_timeline import change_on_timeline
+from app.views.inspect.html.python import SLOTS, asked_of, snippet
+from app.views.inspect.jobs.causes import BACK, DROP, SEEDS, CauseJob, SourcesJob, SpreadJob, TwinJob
+from app.views.inspect.jobs.inspect import inspect_jobs
+from app.views.inspect.jobs.parts import AblatedPartsJob
+from app.views.inspect.panel import inspector_html
+from app.views.inspect.state import Change, InspectState
+from app.views.page import Page
+from app.views.view import changing_views
+from etnet.events.edit import EventEdit
+from etnet.events.open import open_recording
+from etnet.inspection import causal_search, sources, twin
+from etnet.nets.attention import AttentionProbe
+from etnet.nets.intervention import Intervention
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import contract_of
+from etnet.nets.weights import load_model, save_weights
+from etnet.playback.playback import Playback
+from etnet.windows import ByCount, plan_windows
+from tests.app.checked_html import Checker
+from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
+from tests.inspection.small import SENSOR
+from tests.strategies import make_events
+
+INDEX = 4
+ZEROED = Intervention(zeroed_levels=frozenset({1, 2, 3}))
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return loaded_of()
+
+
+def page_of(loaded, state, ready=None, **results):
+    moment = Moment("r", POLICY, state.index, loaded.playback.recording, loaded.playback.windows)
+    found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
+    return Page(state, moment, ready, results=found)
+
+
+# ---- what is found ----
+
+
+def test_the_bars_are_what_the_library_measures_of_the_same_parts(loaded):
+    found = whole(AblatedPartsJob(request_of(INDEX)), loaded)
+    *_, figure = sources.pixel_sources(loaded.playback, INDEX, QUERY)
+    measured = {part.name: part.at_pixel for part in figure.parts}
+    x, y = QUERY
+    assert found.at("events now", QUERY) == pytest.approx(measured["all events"], abs=1e-6)
+    assert found.at("TPA", QUERY) == pytest.approx(measured["TPA"], abs=1e-6)
+    assert found.at("skip 0", QUERY) == pytest.approx(measured["skip 0"], abs=1e-6)
+    reset = causal_search.reset_once(loaded.playback, INDEX, frozenset({1, 2, 3})).at(INDEX).frame[0, 0, y, x]
+    expected = float(reset - loaded.playback.at(INDEX).frame[0, 0, y, x])
+    assert found.at("state before", QUERY) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(("preset", "names"), [("e2vid", {"events now", "state before"}), ("firenet", {"events now"})])
+def test_a_network_has_the_bars_of_the_parts_that_it_has(preset, names):
+    found = whole(AblatedPartsJob(request_of(2)), loaded_of(preset))
+    assert names <= set(found.differences)
+    assert "TPA" not in found.differences
+
+
+def test_with_a_pixel_and_no_inspector_open_bars_and_the_list_stand_there(loaded):
+    job = AblatedPartsJob(request_of(INDEX))
+    state = ViewState(index=INDEX, query=QUERY)
+    page = Checker(inspector_html(page_of(loaded, state, ablated=(job, whole(job, loaded)))))
+    assert len(page.by_testid("moved")) == len(whole(job, loaded).differences)
+    assert "Ablation at this pixel" in page.text
+    for words in ("Skip, head", "Events now", "State before"):
+        assert words in page.text
+    assert "set:inspect.opened:search" in page.keys
+    assert "Choose a pixel" in inspector_html(page_of(loaded, replace(state, query=None)))
+
+
+def test_every_source_has_a_line_as_wide_as_what_was_measured(loaded):
+    job = SourcesJob(request_of(INDEX), QUERY)
+    figure = whole(job, loaded)
+    page = Checker(sources_html(figure))
+    widths = [float(attrs["stroke-width"]) for attrs in page.by_testid("source")]
+    amounts = [abs(part.at_pixel) for part in sorted(figure.parts, key=lambda part: sources.STAGES.index(part.stage))]
+    assert len(widths) == figure.num_parts
+    assert widths[int(np.argmax(amounts))] == max(widths)
+
+
+def test_the_search_is_the_librarys_and_offers_its_twin(loaded):
+    job = CauseJob(request_of(7), QUERY, 0.001)
+    found = whole(job, loaded)
+    *_, expected = causal_search.search_cause(loaded.playback, 7, QUERY, tolerance=0.001, furthest=64)
+    assert found.trials == expected.trials
+    moment = Moment("r", POLICY, 7, loaded.playback.recording, loaded.playback.windows)
+    page = Checker(search_html(found, True, 1, moment))
+    if found.changes_at is not None:
+        assert f"inspect:twin:{found.changes_at}:1,2,3" in page.keys
+    assert len(page.by_testid("cause")) == 1
+
+
+@pytest.mark.parametrize("once", [False, True])
+@pytest.mark.parametrize("change", [{"intervention": ZEROED}, {"edit": EventEdit(drop=0.5, seed=1)}])
+def test_a_twin_is_two_runs_in_step(loaded, once, change):
+    found = whole(TwinJob(request_of(2, since=2, once=once, **change)), loaded)
+    other = twin.changed(loaded.playback, 2, once=once, **change)
+    moments = list(twin.twin(loaded.playback, other, range(2, 8)))
+    assert found.indices == tuple(range(2, 8))
+    for i, moment in enumerate(moments):
+        assert np.array_equal(found.original[i], moment.original.numpy())
+        assert np.array_equal(found.changed[i], moment.changed.numpy())
+    curve = twin.EffectCurve.of(moments, QUERY)
+    assert np.allclose(found.at(QUERY), curve.at_pixel.numpy())
+    assert found.recovered_at(0.02) == curve.recovered_at(0.02)
+
+
+def test_the_twin_shows_both_frames_of_the_current_window_and_its_curve_goes_there(loaded):
+    change = Change(ZEROED, since=2, once=True)
+    state = ViewState(index=INDEX, query=QUERY).put(InspectState(opened="twin", change=change))
+    job = inspect_jobs(state, request_of(INDEX))["inspect.twin"]
+    page = Checker(inspector_html(page_of(loaded, state, twin=(job, whole(job, loaded)))))
+    assert len(page.by_testid("twin-pair")) == 1
+    assert any(key.startswith("span:") for key in page.keys)
+    assert "state 1/2 zeroed · state 1/4 zeroed · state 1/8 zeroed · once, in window 2" in page.text
+    nothing = state.put(InspectState(opened="twin"))
+    assert f"inspect:twin:{INDEX}:1,2,3" in Checker(inspector_html(page_of(loaded, nothing))).keys
+
+
+def test_a_change_is_marked_on_the_timeline_in_every_workspace(loaded):
+    change = Change(ZEROED, since=2)
+    state = ViewState(index=INDEX, workspace="recording").put(InspectState(change=change))
+    assert [view.name for view in changing_views(state, VIEWS)] == ["inspect"]
+    drawn = Checker(change_on_timeline(page_of(loaded, state)))
+    assert "persistent from window 2" in drawn.text
+    assert change_on_timeline(page_of(loaded, ViewState())) == ""
+
+
+# ---- copy as Python ----
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """A file, weights, and their playback as the engine holds it."""
+    folder = tmp_path_factory.mktemp("moment")
+    events = make_events(8 * 150, SENSOR)
+    rows = [f"{t / 1e6:.6f} {x} {y} {int(p > 0)}"
+            for t, x, y, p in zip(events.t, events.x, events.y, events.p, strict=True)]  # fmt: skip
+    file, weights = folder / "made up.txt", folder / "tiny.safetensors"
+    file.write_text(f"{SENSOR.width} {SENSOR.height}\n" + "\n".join(rows) + "\n")
+    save_weights(build_model("tiny"), weights, dtype=None)
+    recording, model = open_recording(file), load_model(weights)
+    playback = Playback(model, recording, plan_windows(recording, ByCount(150)))
+    return LoadedPlayback(playback, contract_of(model), 4, Pace(), 1.0), str(file), str(weights)
+
+
+def values_of(opened_, found):
+    """What a result holds of what its lines give."""
+    match opened_:
+        case "none":
+            return next(iter(found.differences.values()))
+        case "matters":
+            return found[0].difference
+        case "change":
+            return found.changed
+        case "events":
+            return found.windows[-1].weights
+        case "sources":
+            return found.parts
+        case "search":
+            return found.trials
+        case "twin":
+            return found.at(QUERY)
+        case "input":
+            top, _, left, _ = found.borders
+            return found.padded[:, top : top + SENSOR.height, left : left + SENSOR.width]
+        case "state":
+            return found.values
+        case "memory":
+            return found.mean_absolute
+        case "rollout":
+            return found.weights
+        case "time":
+            return found.entropy
+    return found.deviation
+
+
+def made_by(opened_, found, array):
+    """The array that lines end with, as the page shows it."""
+    if opened_ == "state":
+        return array[torch.as_tensor(found.order.copy())]
+    if opened_ == "memory":
+        return tuple(float(each) for each in array.abs().mean((1, 2)))
+    if opened_ == "time":
+        return array[:, 0, 0]
+    return array
+
+
+@pytest.mark.parametrize("inspector", SLOTS)
+def test_the_lines_of_every_inspector_give_what_it_shows_to_the_last_digit(opened, inspector):
+    loaded, file, weights = opened
+    change = Change(ZEROED, since=3) if inspector in ("change", "twin") else Change()
+    inside = InspectState(opened=inspector, change=change, tolerance=1, num_back=1, level=2, plane="cell")
+    slices = inside, AttentionState(site=SITE, head=1)
+    state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY).put(*slices)
+    plain = FrameRequest("r", "m", "fp32", POLICY, INDEX)
+    request = replace(plain, intervention=change.intervention, since=change.since)
+    job = inspect_jobs(state, request)[f"inspect.{SLOTS[inspector]}"]
+    found = whole(job, loaded)
+    frame = loaded.playback.at(INDEX).frame[0, 0].numpy()
+    ready = Ready(plain, frame, None, 1.0, True, False, False, loaded.contract, INDEX)
+    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
+    result = JobResult(job, found, 1.0, True)
+    page = Page(
+        state, moment, ready, results={f"inspect.{SLOTS[inspector]}": result}, file_name=file,
+        model=ModelFacts("tiny", source=weights),
+    )  # fmt: skip
+    text = snippet(page, result)
+    assert len(text.splitlines()) <= 10, text
+    names = {}
+    exec(text, names)
+    shown, made = values_of(inspector, found), made_by(inspector, found, names["array"])
+    if isinstance(shown, np.ndarray):
+        assert np.array_equal(np.asarray(made), shown), asked_of(page, result)
+    else:
+        assert made == shown
+
+
+def test_the_lines_of_the_map_give_the_map(opened):
+    loaded, file, weights = opened
+    mask = Intervention(masked_heads=frozenset({(SITE, 0)}))
+    request = FrameRequest("r", "m", "fp32", POLICY, INDEX, True, mask)
+    step = loaded.playback.at(INDEX, AttentionProbe(), mask)
+    frame = step.frame[0, 0].numpy()
+    ready = Ready(request, frame, step.attention, 1.0, True, False, False, loaded.contract, INDEX)
+    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
+    for head, direction in ((None, "attends to"), (2, "attended by")):
+        state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY)
+        state = state.put(AttentionState(site=SITE, head=head, direction=direction))
+        page = Page(state, moment, ready, file_name=file, model=ModelFacts("tiny", source=weights))
+        names = {}
+        exec(map_snippet(shown_of(page)), names)
+        assert np.array_equal(names["array"].numpy(), shown_of(page).row())
+
+
+def test_a_networks_parts_and_what_it_lacks_are_one_answer():
+    found = whole(NetworkPartsJob(request_of(0)), loaded_of("e2vid"))
+    assert found.lacks == network_parts(build_model("e2vid")).lacks
+
+
+def test_a_spread_is_the_librarys(loaded):
+    from etnet.inspection.uncertainty import dropout_spread
+
+    found = whole(SpreadJob(request_of(3)), loaded)
+    *_, expected = dropout_spread(loaded.playback, 3, DROP, SEEDS, BACK)
+    assert np.array_equal(found.deviation, expected.deviation.numpy())
+    assert (found.num_done, found.pearson) == (SEEDS, None)  # no camera in this recording
