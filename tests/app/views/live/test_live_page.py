@@ -104,7 +104,7 @@ def test_what_has_left_the_buffer_is_said_and_never_another_window():
     async def visit(viewer):
         async with Browser.open(viewer.port) as browser:
             await browser.until_shown('data-testid="is-live"')
-            await browser.use(browser.widget("Window"), 0)
+            await press(browser, "goto:0")
             await browser.until(lambda: not viewer.page.follows and viewer.page.gone != "", 30)
             assert viewer.page.moment is None
             assert viewer.page.state.index == 0
