@@ -79,15 +79,12 @@ class Viewer:
         """`views`: more views of one's own, beside those of the configuration (see `own_views`)."""
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app.catalogue.uploads import UploadLimits, Uploads
-        from app.catalogue.visitor import VisitorCatalogue
         from app.engine.engine import Engine
         from app.session.demo import MOST_VISITORS
-        from app.session.session import Session
         from app.views import VIEWS
-        from app.views.own.load import own_views
         from app.views.live import VIEW as LIVE
+        from app.views.own.load import own_views
         from app.web import upload_endpoint
-        from app.web.access import sits_here
         from app.web.server import Address, free_port, start_server
 
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
@@ -95,10 +92,11 @@ class Viewer:
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
+        own = own_views([*config.views, *views])
         self.live = open_feed(config)
-        shown = (*VIEWS, *((LIVE,) if self.live else ()), *own_views([*config.views, *views]))
+        self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
         self.catalogue = Catalogue(config, self.live)
-        default = self._first_view(config, session)
+        self._default = default = self._first_view(config, session)
         address = Address(config.host, config.port, config.token, config.public_url)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
@@ -115,23 +113,10 @@ class Viewer:
         megabytes = config.upload_megabytes
         limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
         self.uploads = None if limits is None else Uploads(limits, self.catalogue.take_in, self._let_go)
-
-        def visit(client: viser.ClientHandle) -> Session:
-            desk = None if self.uploads is None else self.uploads.desk()
-            try:
-                seen = VisitorCatalogue(self.catalogue, desk, is_host=not config.demo and sits_here(address.public_url))
-                session = Session(client, seen, self.engine, default, desk, shown)
-            except BaseException:
-                if desk is not None:
-                    desk.close()
-                raise
-            self._visits.add(session)
-            return session
-
         self.server = start_server(
             address,
             self.port,
-            visit,
+            self._visit,
             MOST_VISITORS if config.demo else None,
             {} if self.uploads is None else {upload_endpoint.PATH: upload_endpoint.UploadEndpoint(self.uploads)},
         )
@@ -167,6 +152,24 @@ class Viewer:
         if self.uploads is not None:
             self.uploads.close()
         self.catalogue.close()
+
+    def _visit(self, client: viser.ClientHandle) -> Session:
+        """One visitor. Who sits at this machine may record a live source and change its settings, but not in public."""
+        from app.catalogue.visitor import VisitorCatalogue
+        from app.session.session import Session
+        from app.web.access import sits_here
+
+        desk = None if self.uploads is None else self.uploads.desk()
+        try:
+            is_host = not self._default.is_public and sits_here(self._address.public_url)
+            seen = VisitorCatalogue(self.catalogue, desk, is_host)
+            session = Session(client, seen, self.engine, self._default, desk, self._views)
+        except BaseException:
+            if desk is not None:
+                desk.close()
+            raise
+        self._visits.add(session)
+        return session
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""

@@ -12,7 +12,6 @@ from etnet.live.buffer import Extent
 from etnet.live.windows import KeptWindows
 from etnet.windows import Policy, Window, plan_windows
 
-
 NEWEST = 40_000
 """µs of events that are shown as what comes just now."""
 

@@ -177,23 +177,39 @@ class LiveFeed:
     def shown(self, index: int | None, may_change: bool) -> LiveShown:
         """For a page whose image belongs to window `index`."""
         live, windows = self.live, self.windows
-        extent = live.extent()
-        start = extent.first_stamp or 0
+        extent, start = live.extent(), live.extent().first_stamp or 0
         notes = tuple(((note.stamp - start) / 1e6, note.text) for note in live.notes[-20:] if note.setting is None)
         seconds = ((extent.until or start) - start) / 1e6
         is_new = bool(notes) and (live.is_over or notes[-1][0] > seconds - NEWS)
         with self._lock:
             behind = None if index is None else self._delays.get(index)
             recording = None if self._recorder is None else self._written(*self._recorder, is_over=False)
-            finished = tuple(entry for _, entry in self._files.values())
+            recorded = tuple(entry for _, entry in self._files.values())
         return LiveShown(
-            self.id, live.source.name, live.source.format, live.sensor, self.seen, self.downsample, self._windowing, seconds,
-            0.0 if extent.gone_before is None else (extent.gone_before - start) / 1e6, live.keep.seconds,
-            extent.num_events, live.loss.packets, live.loss.held_up,
-            0 if windows is None else windows.num_merged, 0 if windows is None else windows.num_unseen,
-            notes, notes[-1][1] if is_new else "", recording, finished, live.source.settings(), live.is_over,
-            behind, may_change,
-        )  # fmt: skip
+            id=self.id,
+            name=live.source.name,
+            format=live.source.format,
+            sensor=live.sensor,
+            seen=self.seen,
+            downsample=self.downsample,
+            windowing=self._windowing,
+            seconds=seconds,
+            gone_before=0.0 if extent.gone_before is None else (extent.gone_before - start) / 1e6,
+            keep_seconds=live.keep.seconds,
+            num_events=extent.num_events,
+            num_lost=live.loss.packets,
+            num_held_up=live.loss.held_up,
+            num_merged=0 if windows is None else windows.num_merged,
+            num_unseen=0 if windows is None else windows.num_unseen,
+            notes=notes,
+            news=notes[-1][1] if is_new else "",
+            recording=recording,
+            recorded=recorded,
+            settings=live.source.settings(),
+            is_over=live.is_over,
+            behind=behind,
+            may_change=may_change,
+        )
 
     # ---- what the host may do ----
 

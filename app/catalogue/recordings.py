@@ -143,7 +143,9 @@ class Catalogue:
     def entry(self, recording_id: str) -> Entry:
         """The entry of an id, a part's too; an error if there is none. A film under another setting has its video's."""
         recording_id = listed_id(recording_id)
-        found = self._private.get(recording_id) or next((e for e in (*self._live_entries(), *self._entries) if e.id == recording_id), None)
+        found = self._private.get(recording_id) or next(
+            (e for e in (*self._live_entries(), *self._entries) if e.id == recording_id), None
+        )
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
         return found

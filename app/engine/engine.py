@@ -9,13 +9,12 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float32
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.live import LiveFeed
 from app.engine.jobs import Job, JobQueue, Tell
 from app.engine.live import LiveSteps
-from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache, is_exact
+from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache
 from app.engine.prefetch import Prefetcher
 from app.engine.queue import Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
@@ -24,9 +23,6 @@ from app.engine.requests import Failed, FrameRequest, Precision, Ready, Reply, W
 from etnet.errors import Cancelled, EtnetError, WindowError
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from etnet.nets.attention import Attention
     from etnet.playback.playback import CacheReport, Step
 
 QUANTUM = 0.4

@@ -6,6 +6,7 @@ A window is cut when the network gets to it, so that what waited meanwhile becom
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable
 from threading import Event, Thread
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 MEASURED = 0.5
 """Seconds of events over which the rate is measured before windows are chosen."""
+SLOW, MOST_MEASURED = 0.25, 3
+"""Seconds of a step above which it is measured again, and how often in all."""
 NEAR = 3
 """A visitor whose window is among the last few follows the source."""
 _WAKE = 0.01
@@ -38,8 +41,10 @@ class LiveSteps:
         self, feed: LiveFeed, model_id: str, precision: Precision, playbacks: PlaybackCache, book: RequestQueue
     ) -> None:
         self._feed, self._playbacks, self._book = feed, playbacks, book
-        self._model_id, self._precision = model_id, precision
+        self._model_id = model_id
+        self._precision: Precision = precision
         self._step_seconds: float | None = None
+        self._num_measured = 0
         self._failed: tuple[str, Precision] | None = None
         self._stopped = Event()
         Thread(target=self._watch, daemon=True, name="live windows").start()
@@ -54,7 +59,12 @@ class LiveSteps:
             return False
         if self._feed.windows is not None:
             return self._feed.windows.is_full()
-        return self._step_seconds is None or self._rate() is not None
+        return self._is_to_measure() or self._rate() is not None
+
+    def _is_to_measure(self) -> bool:
+        """A step that seems slow is measured again: a machine is busy while a viewer starts."""
+        is_slow = self._step_seconds is None or self._step_seconds > SLOW
+        return is_slow and self._num_measured < MOST_MEASURED
 
     def work(self, done: Done) -> None:
         """One window, or one part of the preparation."""
@@ -78,9 +88,7 @@ class LiveSteps:
             return
         began = time.perf_counter()
         policy = self._feed.windows.policy
-        request = FrameRequest(
-            self._feed.id, self._model_id, self._precision, policy, window.index, wants_attention
-        )
+        request = FrameRequest(self._feed.id, self._model_id, self._precision, policy, window.index, wants_attention)
         loaded = self._playbacks.reaching(request)
         step = loaded.playback.at(window.index, _probe() if wants_attention else None)
         if step.attention is not None:
@@ -107,13 +115,14 @@ class LiveSteps:
         """Measure a step first, then the source's rate; both together say which windows fit."""
         from etnet.live.pace import fitting_policy, measured_step
 
-        if self._step_seconds is None:
+        if self._is_to_measure():
             self._playbacks.start()
             model, _ = self._playbacks.model(self._model_id, self._precision)
-            self._step_seconds = measured_step(model, self._feed.seen)
+            self._num_measured += 1
+            self._step_seconds = min(measured_step(model, self._feed.seen), self._step_seconds or math.inf)
             return
         rate = self._rate()
-        if rate is not None:
+        if rate is not None and self._step_seconds is not None:
             pace = fitting_policy(self._step_seconds, rate, self._feed.seen)
             self._feed.cut_by(pace.policy, pace.said)
 

@@ -282,8 +282,7 @@ def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:
     """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
     from etnet.nets.runtime import contract_of
 
-    is_plain = request.is_original and loaded.playback.first == 0
-    return is_plain and contract_of(loaded.playback.model) == loaded.contract
+    return request.is_original and contract_of(loaded.playback.model) == loaded.contract
 
 
 def load_network(entry: ModelEntry, precision: str, device: str) -> Any:

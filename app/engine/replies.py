@@ -35,7 +35,7 @@ def ready_of(
         frame=_array(frame),
         attention=attention,
         milliseconds=(time.perf_counter() - began) * 1000,
-        is_exact=not is_approximate and is_exact(loaded, request),
+        is_exact=not is_approximate and loaded.playback.first == 0 and is_exact(loaded, request),
         is_approximate=is_approximate,
         is_cold=request.index - loaded.playback.first < loaded.warm_up,
         contract=loaded.contract,

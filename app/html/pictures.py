@@ -60,7 +60,10 @@ def reconstruction_html(
     failed: Failed | None = None,
     badge: str = "",
 ) -> str:
-    """The newest frame that is there with a `badge` of the caller's, what kind of frame it is and, with `wanted`, how far that window has come."""
+    """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come.
+
+    `badge`: a chip of the caller's, before the others.
+    """
     lag = lag_line(ready, wanted, working, failed)
     if ready is None:
         headline = "No image yet" if failed is None else "No image"

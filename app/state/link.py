@@ -57,7 +57,7 @@ def from_link(value: str, present: ViewState, initial: Sequence[Slice]) -> tuple
     known = {name: value for name, value in carried.items() if name in _CARRIED}
     state, refused = from_values(known, unset, initial)
     foreign = tuple(sorted(str(name)[:40] for name in carried if name not in _CARRIED))
-    return replace(state, is_playing=False, follows_newest=False, index=0, moment=stamp), (*refused, *foreign)
+    return replace(state, is_playing=False, index=0, moment=stamp), (*refused, *foreign)
 
 
 def _opened(value: str) -> dict[str, object]:

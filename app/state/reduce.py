@@ -107,9 +107,12 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             index = state.index if state.moment is None else limits.index_at(state.moment)
             if state.policy is None and state.moment is None and index == 0:
                 index = first_with_events(limits.windows or ())
-            if limits.is_live and state.follows_newest:
-                index = LARGEST_INDEX
-            settled = replace(state, policy=policy, index=limits.clamp_index(index), moment=None)
+            follows = state.follows_newest
+            if limits.is_live:
+                follows = follows and state.moment is None  # a moment that was asked for is one of the past
+                index = LARGEST_INDEX if follows else index
+            index = limits.clamp_index(index)
+            settled = replace(state, policy=policy, index=index, moment=None, follows_newest=follows)
             return settled if state.query is None else _queried(settled, *state.query, limits)
     return None
 

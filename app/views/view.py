@@ -128,7 +128,7 @@ class View:
     over_timeline: Callable[[Page], str] = _nothing_over
     """SVG that it draws over the timeline."""
     perform: Callable[[Any, VisitorCatalogue], None] = _nothing_done
-    """What an intent does beyond the page: to a source, to a file of the host's. Asked before `reduce`; at once back."""
+    """What an intent does beyond the page: to a source, to a file of the host's. Asked before `reduce`; never waits."""
     cloud: Callable[[Page], Callable[[int], EventCloud] | None] = _no_cloud
     """The events of the scene in colours of its own, for a number of points at most."""
 

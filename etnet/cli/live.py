@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 import time
 from collections.abc import Iterator
@@ -16,7 +15,6 @@ import tyro
 
 from etnet.cli.policy import parse_policy
 from etnet.cli.progress import console
-from etnet.errors import RecordingError
 from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, open_source, parsed_keep, parsed_sensor
 from etnet.live.rate import Band, RateFollower

@@ -95,8 +95,8 @@ def bar_html(page: Page, ways_inside: str = _INSIDE) -> str:
         return '<div class="etv-bar" data-testid="invitation"><b>Touch anything to try it yourself</b></div>'
     back = ""
     if page.is_live:
-        words = "You see it live" if page.follows else "Back to live"
-        back = f'<button class="etv-big{" etv-chosen" if page.follows else ""}" data-k="live:follow" {ON_PICK}>{words}</button>'
+        words, chosen = ("You see it live", " etv-chosen") if page.follows else ("Back to live", "")
+        back = f'<button class="etv-big{chosen}" data-k="live:follow" {ON_PICK}>{words}</button>'
     recordings = "".join(
         f'<button class="etv-big{" etv-chosen" if choice.id == listed_id(page.state.recording_id) else ""}" '
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'

@@ -31,11 +31,13 @@ def timeline_html(moment: Moment, cached: Cached | None = None, *, over: str = "
     """
     window, axis = moment.window, axis_of(moment)
     duration, start = axis.duration / MICROSECONDS, (axis.start - moment.recording.span.start) / MICROSECONDS
+    begin = f"{start:.6f}" if start else "0"
     left, right = place_of(moment, window.t_start), place_of(moment, window.t_stop)
     now = f'<rect x="{left:.2f}" y="0" width="{max(right - left, 1):.2f}" height="{_FLOOR}" fill="#ffffff2e"/>'
     strip = (
-        f'<div class="et-strip" data-testid="strip"><div class="et-axis" data-k="span:{start:.6f},{start + duration:.6f}"'
-        f' data-drag="1" data-start="{start:.6f}" data-duration="{duration:.6f}" {ON_PICK}>'
+        '<div class="et-strip" data-testid="strip">'
+        f'<div class="et-axis" data-k="span:{begin},{start + duration:.6f}" data-drag="1"'
+        f' data-start="{start:.6f}" data-duration="{duration:.6f}" {ON_PICK}>'
         f'<svg viewBox="0 0 {AXIS_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
         f"{_background(moment)}{now}{_bars(moment, cached or NothingCached())}{over}</svg>"
         f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_seconds(moment)}</div></div>'
@@ -77,7 +79,9 @@ def _background(moment: Moment) -> str:
         ticks = ""
         if truth is not None and len(truth):
             axis = axis_of(moment)
-            first, last = np.searchsorted(truth.stamps, [axis.start, axis.stop + 1]) if is_live(moment.recording) else (0, None)
+            first, last = (
+                np.searchsorted(truth.stamps, [axis.start, axis.stop + 1]) if is_live(moment.recording) else (0, None)
+            )
             shown = truth.stamps[first:last]
             places = (place_of(moment, float(stamp)) for stamp in shown[:: max(-(-len(shown) // _MAX_TICKS), 1)])
             ticks = "".join(f"M{x:.1f} 0V4" for x in places)

@@ -86,7 +86,9 @@ def test_one_click_records_and_the_finished_file_opens_with_the_windows_as_they_
             recorded = viewer.feed.files()[0]
             assert recorded.path.name in browser.html()
             await press(browser, f"open:{recorded.id}")
-            await browser.until(lambda: viewer.page.state.recording_id == recorded.id and viewer.page.moment is not None)
+            await browser.until(
+                lambda: viewer.page.state.recording_id == recorded.id and viewer.page.moment is not None
+            )
             await browser.until(lambda: viewer.page.ready is not None and viewer.page.ready.is_exact)
             recording = viewer.page.moment.recording
             assert isinstance(recording, CutRecording)
