@@ -19,12 +19,12 @@ def live_badge(live: LiveShown, follows: bool, stamp_seconds: float | None) -> s
     return chip(f"{seconds(max(live.seconds - stamp_seconds, 0.0), 1)} ago", "plain", "The source goes on meanwhile")
 
 
-def live_line(live: LiveShown, is_live: bool, follows: bool, gone: str) -> str:
-    """Live or back to it, what was recorded, what was lost, what is new: one line."""
+def live_line(live: LiveShown, is_live: bool, follows: bool, gone: str, is_public: bool = False) -> str:
+    """Live or back to it, what was recorded, what was lost, what is new: one line. In public without numbers."""
     parts = [_state(live, is_live, follows), _record(live)]
     if gone:
         parts.append(f'<span class="et-warning" data-testid="gone">{escape(gone)}</span>')
-    counts = counts_of(live)
+    counts = "" if is_public else counts_of(live)
     if counts:
         parts.append(f'<span data-testid="live-counts">{escape(counts)}</span>')
     if live.news:

@@ -101,6 +101,7 @@ def bar_html(page: Page, ways_inside: str = _INSIDE) -> str:
         f'<button class="etv-big{" etv-chosen" if choice.id == listed_id(page.state.recording_id) else ""}" '
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'
         for choice in page.recordings
+        if not (page.is_live and choice.id == page.state.recording_id)
     )
     own = "" if page.uploads is None else public_handing_html(page.uploads)
     return (

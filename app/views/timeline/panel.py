@@ -57,7 +57,9 @@ class TimelinePanel(Panel):
             self._is_playing = runs
             self._play.label = "Pause" if runs else "Play"
             self._play.icon = viser.Icon.PLAYER_PAUSE if runs else viser.Icon.PLAYER_PLAY
-        live = "" if page.live is None else live_line(page.live, page.is_live, page.follows, page.gone)
+        live = ""
+        if page.live is not None:
+            live = live_line(page.live, page.is_live, page.follows, page.gone, state.is_public)
         moment = page.placed if page.moment is None else page.moment
         if moment is None:
             self._now.show(f'<div class="etv-now">{live}</div>' if live else "")
