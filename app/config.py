@@ -11,6 +11,10 @@ import tyro
 from etnet.errors import EtnetError
 from etnet.events.opened_as import View
 from etnet.events.stated import Stated
+from etnet.live.buffer import Keep
+from etnet.live.layouts import LayoutName
+from etnet.live.open import SourceOptions, parsed_keep, parsed_sensor
+from etnet.live.record import check_recordable
 
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
 MIN_BUDGET = 64
@@ -33,6 +37,31 @@ def _region(text: str) -> tuple[int, int, int, int]:
     except ValueError:
         raise ConfigError(f"--roi {text}: wanted x,y,width,height in pixels, for example 40,20,240,180") from None
     return x, y, width, height
+
+
+@dataclass(frozen=True)
+class LiveConfig:
+    """How the source of --live is taken."""
+
+    keep: str = "60s,512MB"
+    """How much of --live is held: seconds, MB, or both."""
+    record: Path | None = None
+    """Write --live to this file from its first event on: .aedat4 or .h5."""
+    sensor: str | None = None
+    """WIDTHxHEIGHT of a stream that does not tell it."""
+    layout: LayoutName | None = None
+    """Of a stream: es (Event Stream), t64_x16_y16_on8 or t32_x16_y15_on1 (faery's)."""
+    loop: bool = False
+    """Replay a recording again and again."""
+
+    def buffer(self) -> Keep:
+        """`keep`, understood."""
+        return parsed_keep(self.keep)
+
+    def options(self) -> SourceOptions:
+        """What some sources need to be told."""
+        sensor = None if self.sensor is None else parsed_sensor(self.sensor)
+        return SourceOptions(sensor, self.layout, is_looped=self.loop)
 
 
 @dataclass(frozen=True)
@@ -77,6 +106,11 @@ class ViewerConfig:
     """MB that a visitor may upload from the browser, or off. By default 256, and off where others can come in
     (--demo, --public-url, --host). A visitor's files are private, and go with them."""
 
+    live: str | None = None
+    """Show a source while it comes: camera (--live alone), davis346, evk4 …, webcam, stdin, tcp:7777, udp:7777, or a
+    recording that is replayed at its own speed."""
+    source: Annotated[LiveConfig, tyro.conf.arg(name="")] = field(default_factory=LiveConfig)
+
     views: Annotated[tuple[Path, ...], tyro.conf.arg(name="view", metavar="FILE"), tyro.conf.UseAppendAction] = ()
     """A Python file of your own that is shown as a tab: it defines show(moment). May be given again."""
 
@@ -102,7 +136,13 @@ class ViewerConfig:
             raise ConfigError(f"--data {self.data}: there is no such folder")
         if self.views and self.is_open:
             raise ConfigError("--view runs your own code: it is not for --demo, --public-url or another --host")
-        _ = self.region, self.stated.assumptions()
+        if self.live is None and self.source != LiveConfig():
+            raise ConfigError("--keep, --record, --sensor, --layout and --loop say how --live is taken; add --live")
+        if self.live is not None and (self.roi or self.flip != "none" or self.rotate):
+            raise ConfigError("--live is shown as it comes; leave --roi, --flip and --rotate out")
+        if self.source.record is not None:
+            check_recordable(self.source.record, overwrite=False)
+        _ = self.region, self.stated.assumptions(), self.source.buffer(), self.source.options()
 
     @property
     def region(self) -> tuple[int, int, int, int] | None:

@@ -21,6 +21,7 @@ from etnet.errors import EtnetError
 if TYPE_CHECKING:
     import viser
 
+    from app.catalogue.live import LiveFeed
     from app.session.session import Session
     from app.views.page import Page
     from etnet.export.session_file import Session as TakenSession
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str] | None = None) -> int:
     """`etnet-view`: serve until interrupted. 0 done, 1 a named failure, 2 usage."""
     try:
-        config = tyro.cli(ViewerConfig, prog="etnet-view", args=arguments)
+        config = tyro.cli(ViewerConfig, prog="etnet-view", args=with_a_camera(arguments))
         viewer = Viewer(config)
     except EtnetError as error:
         print(f"etnet-view: {error}", file=sys.stderr)
@@ -46,6 +47,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def with_a_camera(arguments: Sequence[str] | None) -> list[str]:
+    """The same arguments, where `--live` alone says `--live camera`."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if "--live" in given:
+        after = given.index("--live") + 1
+        if after == len(given) or given[after].startswith("--"):
+            given.insert(after, "camera")
+    return given
+
+
+def open_feed(config: ViewerConfig) -> LiveFeed | None:
+    """The live source of a configuration, which is not started yet."""
+    from app.catalogue.live import LiveFeed
+    from etnet.live.open import open_source
+
+    if config.live is None:
+        return None
+    source = open_source(config.live, config.source.options(), tell=lambda said: print(said, flush=True))
+    try:
+        return LiveFeed(source, config.source.buffer(), config.downsample, config.source.record)
+    except BaseException:
+        source.close()
+        raise
+
+
 class Viewer:
     """A running viewer: server, engine and catalogue of one configuration."""
 
@@ -53,11 +79,10 @@ class Viewer:
         """`views`: more views of one's own, beside those of the configuration (see `own_views`)."""
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app.catalogue.uploads import UploadLimits, Uploads
-        from app.catalogue.visitor import VisitorCatalogue
         from app.engine.engine import Engine
         from app.session.demo import MOST_VISITORS
-        from app.session.session import Session
         from app.views import VIEWS
+        from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
         from app.web import upload_endpoint
         from app.web.server import Address, free_port, start_server
@@ -67,41 +92,37 @@ class Viewer:
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
-        shown = (*VIEWS, *own_views([*config.views, *views]))
-        self.catalogue = Catalogue(config)
-        default = self._first_view(config, session)
+        own = own_views([*config.views, *views])
+        self.live = open_feed(config)
+        self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
+        self.catalogue = Catalogue(config, self.live)
+        self._default = default = self._first_view(config, session)
         address = Address(config.host, config.port, config.token, config.public_url)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
         self._address = address
         self.engine = Engine(
-            self.catalogue, budget_bytes=config.budget_bytes, threads=config.threads, device=config.device
+            self.catalogue,
+            budget_bytes=config.budget_bytes,
+            threads=config.threads,
+            device=config.device,
+            live=None if self.live is None else (self.live, default.model_id, default.precision),
         )
         self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
         megabytes = config.upload_megabytes
         limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
         self.uploads = None if limits is None else Uploads(limits, self.catalogue.take_in, self._let_go)
-
-        def visit(client: viser.ClientHandle) -> Session:
-            desk = None if self.uploads is None else self.uploads.desk()
-            try:
-                session = Session(client, VisitorCatalogue(self.catalogue, desk), self.engine, default, desk, shown)
-            except BaseException:
-                if desk is not None:
-                    desk.close()
-                raise
-            self._visits.add(session)
-            return session
-
         self.server = start_server(
             address,
             self.port,
-            visit,
+            self._visit,
             MOST_VISITORS if config.demo else None,
             {} if self.uploads is None else {upload_endpoint.PATH: upload_endpoint.UploadEndpoint(self.uploads)},
         )
         self.port = self.server.get_port()
+        if self.live is not None:
+            self.live.start()
         if default.model_id:
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
 
@@ -131,6 +152,24 @@ class Viewer:
         if self.uploads is not None:
             self.uploads.close()
         self.catalogue.close()
+
+    def _visit(self, client: viser.ClientHandle) -> Session:
+        """One visitor. Who sits at this machine may record a live source and change its settings, but not in public."""
+        from app.catalogue.visitor import VisitorCatalogue
+        from app.session.session import Session
+        from app.web.access import sits_here
+
+        desk = None if self.uploads is None else self.uploads.desk()
+        try:
+            is_host = not self._default.is_public and sits_here(self._address.public_url)
+            seen = VisitorCatalogue(self.catalogue, desk, is_host)
+            session = Session(client, seen, self.engine, self._default, desk, self._views)
+        except BaseException:
+            if desk is not None:
+                desk.close()
+            raise
+        self._visits.add(session)
+        return session
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""

@@ -15,7 +15,9 @@ from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Literal
 
+from app.catalogue.cut import CutRecording
 from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.catalogue.live import LiveFeed
 from app.catalogue.models import ModelEntry, digest, offered_models
 from app.catalogue.part_id import known_as, whole_id
 from app.catalogue.recording_id import listed_id, stated_in
@@ -30,7 +32,7 @@ from etnet.events.recording import Recording, Remark
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
-Kind = Literal["bundled", "data", "file", "on demand", "upload"]
+Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
 LOOK_EVERY = 1.0
@@ -68,8 +70,10 @@ class Entry:
 class Catalogue:
     """Recordings and models by id; recordings are opened once for all visitors. Safe from every thread."""
 
-    def __init__(self, config: ViewerConfig) -> None:
+    def __init__(self, config: ViewerConfig, live: LiveFeed | None = None) -> None:
+        """`live`: a source that is one of the recordings; it is closed with the catalogue."""
         self._config = config
+        self.live = live
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
@@ -92,7 +96,18 @@ class Catalogue:
                 self._next_look = math.inf
         if is_due:
             THREADS.start(self._look_beside, "watching")
-        return self._entries
+        return (*self._live_entries(), *self._entries)
+
+    def _live_entries(self) -> tuple[Entry, ...]:
+        """The live source, and what was recorded of it."""
+        if self.live is None:
+            return ()
+        source = self.live.live.source
+        live = Entry(self.live.id, source.name, "live", f"live, {source.sensor}", Path())
+        return live, *(
+            Entry(file.id, file.path.name, "recorded", f"recorded here, {file.num_events:,} events", file.path)
+            for file in self.live.files()
+        )
 
     def growing(self) -> tuple[str, ...]:
         """Names of files in the --data folder that are being written; they are offered once they rest."""
@@ -128,7 +143,9 @@ class Catalogue:
     def entry(self, recording_id: str) -> Entry:
         """The entry of an id, a part's too; an error if there is none. A film under another setting has its video's."""
         recording_id = listed_id(recording_id)
-        found = self._private.get(recording_id) or next((e for e in self._entries if e.id == recording_id), None)
+        found = self._private.get(recording_id) or next(
+            (e for e in (*self._live_entries(), *self._entries) if e.id == recording_id), None
+        )
         if found is None:
             raise CatalogueError("this recording is not in the catalogue (any more); choose another one")
         return found
@@ -148,6 +165,8 @@ class Catalogue:
         entry = self.entry(recording_id)
         if self.is_film(entry):
             return self.films.open(recording_id)
+        if self.live is not None and entry.kind == "live":
+            return self.live.open()
         with self._lock:
             if (held := self._held(recording_id)) is not None:
                 return held
@@ -203,6 +222,8 @@ class Catalogue:
     def close(self) -> None:
         """Close every recording that is kept open."""
         self.films.close()
+        if self.live is not None:
+            self.live.close()
         with self._lock:
             kept, self._open = list(self._open.values()), OrderedDict()
             scratch, self._scratch = self._scratch, None
@@ -215,6 +236,10 @@ class Catalogue:
         from etnet.events.open import open_recording
 
         try:
+            if self.live is not None and entry.kind == "recorded":
+                recording = self.live.reopened(entry.id)
+                weakref.finalize(recording, recording.source.close)
+                return recording
             path, told = entry.path, ()
             if entry.remote is not None:
                 path = fetch(entry.remote, progress=progress)
@@ -274,7 +299,9 @@ def _is_ones_own(entry: Entry) -> bool:
 
 
 def suited_policy(recording: Recording) -> Policy:
-    """How to cut a recording nobody has said anything about: between its frames, else by density."""
+    """How to cut a recording nobody has said anything about: as it was cut, between its frames, else by density."""
+    if isinstance(recording, CutRecording) and recording.policy is not None:
+        return recording.policy
     truth = recording.ground_truth
     return BetweenFrames() if truth is not None and len(truth) > 1 else ByDensity(DEFAULT_DENSITY)
 

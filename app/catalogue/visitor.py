@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable
 
+from app.catalogue.live import LiveFeed, LiveShown
 from app.catalogue.models import ModelEntry
 from app.catalogue.recordings import Catalogue, CatalogueError, Entry
 from app.catalogue.videos import VideoShown
@@ -15,7 +16,9 @@ from etnet.events.recording import Recording
 class VisitorCatalogue:
     """The catalogue through one visitor's eyes. Safe from every thread."""
 
-    def __init__(self, shared: Catalogue, desk: VisitorUploads | None = None) -> None:
+    def __init__(self, shared: Catalogue, desk: VisitorUploads | None = None, is_host: bool = False) -> None:
+        """`is_host`: they sit at the machine itself, and may record and change a camera's settings."""
+        self._is_host = is_host
         self._shared = shared
         self._desk = desk
         self._visitor = secrets.token_hex(8)
@@ -82,11 +85,20 @@ class VisitorCatalogue:
             entry = self.entry(recording_id)
         except CatalogueError:
             return ""
-        return entry.title if entry.kind == "upload" else entry.path.name
+        return entry.title if entry.kind == "upload" else "" if entry.kind == "live" else entry.path.name
 
     def film(self, recording_id: str) -> VideoShown | None:
         """How far a video is simulated; `None` for all that is no video."""
         return self._shared.films.shown(recording_id)
+
+    def live(self, index: int | None) -> LiveShown | None:
+        """What is said of the live source, whatever they look at, on a page with window `index`; `None`: no source."""
+        feed = self._shared.live
+        return None if feed is None else feed.shown(index, self._is_host)
+
+    def live_control(self) -> LiveFeed | None:
+        """The live source, for those who may record it and change its settings."""
+        return self._shared.live if self._is_host else None
 
     def close(self) -> None:
         """They have gone."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from threading import Lock
 
+from app.catalogue.cut import is_live
+from etnet.errors import RecordingError
 from etnet.events.denoise import Cleaning, cleaned
 from etnet.events.recording import Recording
 
@@ -18,6 +20,8 @@ def cleaned_once(recording: Recording, cleaning: Cleaning) -> Recording:
     """`recording` after `cleaning`; raises RecordingError as `cleaned` does. Safe from every thread."""
     if cleaning.changes_nothing:
         return recording
+    if is_live(recording):
+        raise RecordingError("noise is taken out of whole recordings; record, and open the file")
     with _lock:
         key = (recording, cleaning)
         if key not in _held:

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Thread
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float32
 
+from app.catalogue.cut import CutRecording
+from app.catalogue.live import LiveFeed
 from app.engine.jobs import Job, JobQueue, Tell
-from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache, is_exact
+from app.engine.live import LiveSteps
+from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache
 from app.engine.prefetch import Prefetcher
 from app.engine.queue import Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
-from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
+from app.engine.replies import hand_over, ready_of
+from app.engine.requests import Failed, FrameRequest, Precision, Ready, Reply, Working
 from etnet.errors import Cancelled, EtnetError, WindowError
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from etnet.nets.attention import Attention
-    from etnet.playback.playback import CacheReport
+    from etnet.playback.playback import CacheReport, Step
 
 QUANTUM = 0.4
 """Seconds of work on one visitor's request after which others get their turn; doubles with each of its turns."""
@@ -61,11 +61,15 @@ class Engine:
         device: str = "cpu",
         load: Loader | None = None,
         prefetches: bool = True,
+        live: tuple[LiveFeed, str, Precision] | None = None,
     ) -> None:
+        """`live`: a source with the network that follows it, whether anybody looks or not."""
         self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load)
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
         self._prefetcher = Prefetcher(self._playbacks, self._book) if prefetches else None
+        self._live = None if live is None else LiveSteps(*live, self._playbacks, self._book)
+        self._live_had_its_turn = False
         self._to_prepare: tuple[str, str] | None = None
         self._to_forget: list[str] = []
         self._recent = RecentFrames()
@@ -90,7 +94,7 @@ class Engine:
             self._book.put(visitor, request, deliver)
             return
         turn = self._book.put(visitor, request, deliver, is_shown=True)
-        _deliver(turn, recent)
+        hand_over(turn, recent)
         if not request.wants_attention:
             self._book.settle(turn)
 
@@ -123,6 +127,8 @@ class Engine:
         """End the thread after the step that runs, and wait for that."""
         with self._book.changed:
             self._is_stopping = True
+            if self._live is not None:
+                self._live.stop()
             self._book.changed.notify_all()
         self._thread.join()
 
@@ -151,6 +157,12 @@ class Engine:
         """One piece of work; while the thread rests it refers to no visitor, who may have left."""
         while self._to_forget:
             self._forget_recording(self._to_forget.pop())
+        # Live windows and all others take turns: neither waits for more than a stretch of the other's work.
+        if self._live is not None and not self._live_had_its_turn and self._live.has_work():
+            self._live_had_its_turn = True
+            self._live.work(self._stepped)
+            return
+        self._live_had_its_turn = False
         turn = self._book.next_turn()
         if turn is not None:
             self._serve(turn)
@@ -158,13 +170,24 @@ class Engine:
             self._prepare_model()
         elif self._jobs.num_waiting:
             self._jobs.work(self._is_wanted_elsewhere)
-        elif self._prefetcher is not None:
+        elif self._prefetcher is not None and not self._live_waits():
             self._prefetcher.work(self._is_wanted_elsewhere, self._report)
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()
-        waits = self._to_forget or self._to_prepare
+        waits = self._to_forget or self._to_prepare or self._live_waits()
         return bool(self._book.num_waiting or waits or self._jobs.num_waiting or prefetches)
+
+    def _live_waits(self) -> bool:
+        return self._live is not None and self._live.has_work()
+
+    def _stepped(self, loaded: LoadedPlayback, request: FrameRequest, step: Step, began: float) -> None:
+        """A live window's frame is at hand for all who ask for it."""
+        loaded.pace.note(None, (time.perf_counter() - began) * 1000)
+        loaded.state_bytes = step.state.nbytes
+        self._paces[request.playback] = loaded.pace
+        self._recent.keep(ready_of(loaded, request, step.frame, None, began))
+        self._report(request, loaded, at_once=False)
 
     def _serve(self, turn: PendingRequest) -> None:
         try:
@@ -188,18 +211,21 @@ class Engine:
         attention = self._playbacks.attention(request) if request.wants_attention else None
         frame = playback.frame(request.index, intervention)
         if frame is not None:
-            ready = _ready(loaded, request, frame, attention, began)
+            ready = ready_of(loaded, request, frame, attention, began)
             if attention is not None or not request.wants_attention:
                 self._finish(turn, ready)
                 return
             if not turn.is_shown:
                 self._say(turn, ready)
-        elif turn.num_turns == 1:
+        elif turn.num_turns == 1 and loaded.reaches(request.index):
             self._preview(turn, loaded)
+        if not loaded.reaches(request.index):
+            self._finish(turn, self._cold(turn, loaded, began))
+            return
         step = self._exact_step(turn, loaded)
         if step.attention is not None:
             self._playbacks.keep_attention(request, step.attention)
-        self._finish(turn, _ready(loaded, request, step.frame, step.attention, began))
+        self._finish(turn, ready_of(loaded, request, step.frame, step.attention, began))
 
     def _load(self, turn: PendingRequest) -> LoadedPlayback:
         request = turn.request
@@ -221,7 +247,7 @@ class Engine:
                 seconds = loaded.expected_step / 1000
                 size = loaded.playback.recording.sensor
                 self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
-        return self._playbacks.loaded(request)
+        return self._playbacks.reaching(request)
 
     def _forget_reports(self) -> None:
         held = self._playbacks.held_keys()
@@ -243,7 +269,21 @@ class Engine:
             return
         began = time.perf_counter()
         step = loaded.playback.approximate(request.index, loaded.warm_up, lambda: self._is_stale(turn))
-        self._say(turn, _ready(loaded, request, step.frame, None, began, is_approximate=True))
+        self._say(turn, ready_of(loaded, request, step.frame, None, began, is_approximate=True))
+
+    def _cold(self, turn: PendingRequest, loaded: LoadedPlayback, began: float) -> Ready:
+        """A frame from a cold start: events on the way to its window have left the buffer of a live recording."""
+        from etnet.nets.attention import AttentionProbe
+
+        request, recording = turn.request, loaded.playback.recording
+        assert isinstance(recording, CutRecording)
+        at = max(recording.first_held, loaded.playback.first, request.index - loaded.warm_up)
+        if at > request.index or not request.is_original:
+            raise WindowError(f"gone: what came before {recording.gone_before:.1f} s has left the buffer")
+        probe = AttentionProbe() if request.wants_attention else None
+        step = loaded.playback.approximate(request.index, request.index - at, lambda: self._must_yield(turn), probe)
+        ready = ready_of(loaded, request, step.frame, step.attention, began)
+        return replace(ready, is_exact=False, began_at=at)
 
     def _exact_step(self, turn: PendingRequest, loaded: LoadedPlayback):
         from etnet.nets.attention import AttentionProbe
@@ -279,17 +319,17 @@ class Engine:
         if self._is_stale(turn):
             return True
         is_long = time.monotonic() - turn.began > QUANTUM * 2 ** (turn.num_turns - 1)
-        return is_long and self._book.others_wait(turn)
+        return is_long and (self._book.others_wait(turn) or self._live_waits())
 
     def _finish(self, turn: PendingRequest, reply: Reply) -> None:
         if isinstance(reply, Ready):
             self._recent.keep(reply)
         if self._book.settle(turn):
-            _deliver(turn, reply)
+            hand_over(turn, reply)
 
     def _say(self, turn: PendingRequest, reply: Reply) -> None:
         if self._book.is_wanted(turn):
-            _deliver(turn, reply)
+            hand_over(turn, reply)
 
     def _fail(self, turn: PendingRequest, message: str) -> None:
         self._finish(turn, Failed(turn.request, message))
@@ -324,37 +364,3 @@ class Engine:
 
     def _is_wanted_elsewhere(self) -> bool:
         return self._is_stopping or self._book.num_waiting > 0
-
-
-def _ready(
-    loaded: LoadedPlayback,
-    request: FrameRequest,
-    frame: Tensor,
-    attention: Attention | None,
-    began: float,
-    is_approximate: bool = False,
-) -> Ready:
-    return Ready(
-        request=request,
-        frame=_array(frame),
-        attention=attention,
-        milliseconds=(time.perf_counter() - began) * 1000,
-        is_exact=not is_approximate and is_exact(loaded, request),
-        is_approximate=is_approximate,
-        is_cold=request.index < loaded.warm_up,
-        contract=loaded.contract,
-        num_warm=min(request.index, loaded.warm_up) if is_approximate else request.index,
-    )
-
-
-def _array(frame: Tensor) -> Float32[np.ndarray, "h w"]:
-    array = frame[0, 0].float().cpu().numpy()
-    array.flags.writeable = False
-    return array
-
-
-def _deliver(turn: PendingRequest, reply: Reply) -> None:
-    try:
-        turn.deliver(reply)
-    except Exception:
-        _log.info("a reply could not be delivered to %s", turn.visitor, exc_info=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from app.catalogue.cut import CutRecording, windows_of
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
 from app.engine.denoised import cleaned_once
@@ -19,7 +20,7 @@ from app.engine.requests import FrameRequest
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
 from etnet.nets.intervention import ORIGINAL, Intervention
-from etnet.windows import Window, from_window, plan_windows
+from etnet.windows import Window, from_window
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -111,13 +112,28 @@ class LoadedPlayback:
             self.budget_bytes = share
         return self.branch[1], ORIGINAL
 
+    def reaches(self, index: int) -> bool:
+        """Whether a window can be come to as it was: of a live recording, events on the way may have left."""
+        recording = self.playback.recording
+        if not isinstance(recording, CutRecording) or not recording.is_live:
+            return True
+        if not self.playback.first <= index < len(self.windows):
+            return index >= self.playback.first
+        seek = self.playback.plan(index)
+        return not recording.is_gone(self.windows[index if seek.num_replayed == 0 else seek.from_index + 1])
+
+    def is_past_all(self, index: int) -> bool:
+        """Whether a window lies after every state that is held."""
+        states = self.playback.cached().states
+        return not states or index >= states[-1].stop
+
     def grow(self, request: FrameRequest) -> None:
         """Take in what a recording that is still being made has become."""
         latest = self.playback.recording.latest
         if latest is None or request.cold_at or request.index < len(self.windows):
             return
         recording = latest()
-        windows = plan_windows(recording, request.policy, self.windows)
+        windows = windows_of(recording, request.policy, self.windows)
         self.playback.grow(recording, windows)
         if self.branch is not None:
             self.branch[1].grow(recording, windows)
@@ -197,6 +213,15 @@ class PlaybackCache:
         self._stages[key].grow(request)
         return self._stages[key]
 
+    def reaching(self, request: FrameRequest) -> LoadedPlayback:
+        """The same; one that cannot come to the newest windows any more, for events on the way have left the buffer,
+        begins again from a cold start."""
+        loaded = self.loaded(request)
+        if not loaded.reaches(request.index) and loaded.is_past_all(request.index):
+            self._let_go([request.playback])
+            loaded = self.loaded(request)
+        return loaded
+
     def held(self, request: FrameRequest) -> LoadedPlayback | None:
         """The playback for a request if there is one; makes none."""
         return self._stages.get(request.playback)
@@ -231,11 +256,12 @@ class PlaybackCache:
 
         recording = self._library.open(request.recording_id)
         recording = cleaned_once(recording, request.cleaning)
-        windows = from_window(plan_windows(recording, request.policy), request.cold_at)
+        windows = from_window(windows_of(recording, request.policy), request.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(request.model_id, request.precision)
-        playback = Playback(model, recording, windows, self._budget_bytes)
+        first = recording.first_held if isinstance(recording, CutRecording) else 0
+        playback = Playback(model, recording, windows, self._budget_bytes, first=min(first, len(windows) - 1))
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
         return LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)

@@ -90,11 +90,13 @@ class Ready:
     is_cold: bool
     contract: Contract
     num_warm: int
+    began_at: int = 0
+    """The window at which the memory was empty; above 0 where what came before has left a live buffer."""
 
     @property
     def key(self) -> tuple[object, ...]:
         """What tells this frame's pixels from any other's; pictures of it are shared by this."""
-        return (*self.request.playback, *self.request.frame, self.is_approximate, self.contract)
+        return (*self.request.playback, *self.request.frame, self.is_approximate, self.began_at, self.contract)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 from jaxtyping import Float32
 
+from app.catalogue.cut import CutRecording
 from app.engine.byte_cache import ByteCache
 from etnet.events.events import Events
 from etnet.events.recording import Recording
@@ -63,6 +65,32 @@ class Moment:
     def events_per_pixel(self) -> float:
         """How dense the window is."""
         return self.window.num_events / self.recording.sensor.num_pixels
+
+
+def newest_of(moment: Moment) -> Moment:
+    """What came last of a live recording, as a moment of its own that no window of the network is."""
+    recording = moment.recording
+    window = recording.newest if isinstance(recording, CutRecording) else None
+    if window is None:
+        return moment
+    return Moment(f"{moment.recording_id} now", moment.policy, window.stop, recording, _Only(window))
+
+
+class _Only(Sequence[Window]):
+    """One window, whatever its number."""
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+
+    def __len__(self) -> int:
+        return 1
+
+    @overload
+    def __getitem__(self, index: int) -> Window: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Window]: ...
+    def __getitem__(self, index: int | slice) -> Window | Sequence[Window]:
+        return [self._window][index] if isinstance(index, slice) else self._window
 
 
 def _events_bytes(events: Events) -> int:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import UInt8
 
+from app.catalogue.cut import is_live
 from app.engine.requests import Failed, Ready, Working
 from app.html.attention.changed import change_words
 from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
 from app.html.tones import Tones
 from app.html.units import count, milliseconds, short
+from etnet.errors import RecordingError
 from etnet.render.colours import OFF, ON, counting, css_gradient, diverging, hexadecimal
 from etnet.render.encode import data_url
 from etnet.render.events import BUSY, EventStyle, event_image
@@ -38,9 +40,14 @@ def camera_image(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"]
         return None
     index = truth.nearest(moment.window.t_stop)
     key = ("camera", moment.recording_id, index, tones)
-    grey = ARRAYS.get(
-        key, lambda: tone_map(truth.read_frame(index), tones.tone, tones.is_linear_light), lambda made: made.nbytes
-    )
+    try:
+        grey = ARRAYS.get(
+            key, lambda: tone_map(truth.read_frame(index), tones.tone, tones.is_linear_light), lambda made: made.nbytes
+        )
+    except RecordingError:
+        if is_live(moment.recording):
+            return None  # it has left the buffer
+        raise
     return grey, int(truth.stamps[index])
 
 
@@ -52,8 +59,12 @@ def reconstruction_html(
     query: tuple[int, int] | None = None,
     working: Working | None = None,
     failed: Failed | None = None,
+    badge: str = "",
 ) -> str:
-    """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come."""
+    """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come.
+
+    `badge`: a chip of the caller's, before the others.
+    """
     lag = lag_line(ready, wanted, working, failed)
     if ready is None:
         headline = "No image yet" if failed is None else "No image"
@@ -72,7 +83,7 @@ def reconstruction_html(
         size=(width, height),
     )
     lags = "et-lags" if wanted not in (None, ready.request.index) else ""
-    return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones))
+    return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones, badge))
 
 
 def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, failed: Failed | None) -> str:
@@ -98,9 +109,9 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
     )
 
 
-def badges(ready: Ready, tones: Tones) -> str:
-    """What may be claimed of this frame, as small badges."""
-    found: list[str] = []
+def badges(ready: Ready, tones: Tones, first: str = "") -> str:
+    """What may be claimed of this frame, as small badges; `first` stands before them."""
+    found = [first] if first else []
     if ready.is_exact:
         found.append(chip("exact", "exact", "Equal, bit for bit, to running every window from the first one on"))
     elif ready.is_approximate:
@@ -114,6 +125,9 @@ def badges(ready: Ready, tones: Tones) -> str:
     elif not ready.request.is_original:
         found.append(chip("changed", "warning", change_words(*ready.request.change[:2])))
         found.append('<button class="et-button" data-k="inspect:reset" data-pick="1">Reset all</button>')
+    elif ready.began_at:
+        why = f"The memory was empty at window {count(ready.began_at)}: what came before had left the buffer"
+        found.append(chip("from a cold start", "warning", why))
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold:
@@ -126,6 +140,8 @@ def badges(ready: Ready, tones: Tones) -> str:
 def camera_frame_html(moment: Moment, *, tones: Tones) -> str:
     """The ordinary camera's frame at this moment, in the same tone, or why there is none."""
     found = camera_image(moment, tones)
+    if found is None and is_live(moment.recording) and moment.recording.ground_truth is not None:
+        return panel("camera", empty("Gone", "This camera frame has left the buffer of the live recording."))
     if found is None:
         body = empty(
             "No camera frame in this recording",

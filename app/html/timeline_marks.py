@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from app.catalogue.cut import CutRecording
 from app.html.moment import ARRAYS, Moment
+from etnet.events.recording import Span
 from etnet.render.timeline import RateCurve, rate_curve
 
 AXIS_WIDTH = 1000
@@ -37,12 +39,28 @@ class NothingCached:
 
 def place_of(moment: Moment, t: float) -> float:
     """Where a stamp (µs) lies on the strip's linear axis, in its own measure; stamps outside stay at its ends."""
-    span = moment.recording.span
+    span = axis_of(moment)
     return AXIS_WIDTH * min(max((t - span.start) / max(span.stop - span.start, 1), 0.0), 1.0)
+
+
+def axis_of(moment: Moment) -> Span:
+    """What the strip runs over, µs: the recording, or of a live one what is still held since the network began."""
+    recording = moment.recording
+    span = recording.span
+    if not isinstance(recording, CutRecording) or not recording.is_live:
+        return span
+    began = recording.cut[0].t_start if recording.cut else span.start
+    return Span(min(max(began, span.start + round(1e6 * recording.gone_before)), span.stop), span.stop)
 
 
 def curve_of(moment: Moment) -> RateCurve:
     """The recording's event rate over its windows; sampled once for each plan of windows, which may grow."""
+    recording = moment.recording
+    if isinstance(recording, CutRecording) and recording.is_live:
+        first = recording.first_held
+        return ARRAYS.get(
+            ("curve", first, *plan_of(moment)), lambda: rate_curve(moment.windows[first:]), lambda made: 4000
+        )
     return ARRAYS.get(("curve", *plan_of(moment)), lambda: rate_curve(moment.windows), lambda made: 4000)
 
 

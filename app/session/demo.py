@@ -53,20 +53,27 @@ class DemoStep:
     act: Act
     recording_id: str | None = None
     plays: bool = False
+    is_live: bool = False
     place: tuple[float, float] | None = None
 
 
-def steps_of(recording_id: str) -> tuple[DemoStep, ...]:
-    """The three acts of one recording."""
-    looks = tuple(DemoStep(1.8, "places", place=place) for place in _PLACES)
-    return (DemoStep(6.0, "events", recording_id, plays=True), DemoStep(6.0, "image", plays=True), *looks)
+def steps_of(recording_id: str, is_live: bool = False) -> tuple[DemoStep, ...]:
+    """The three acts of one recording. A live one goes on by itself, and stands still for the third."""
+    looks = tuple(DemoStep(1.8, "places", is_live=is_live, place=place) for place in _PLACES)
+    return (
+        DemoStep(6.0, "events", recording_id, plays=True, is_live=is_live),
+        DemoStep(6.0, "image", plays=True, is_live=is_live),
+        *looks,
+    )
 
 
 class DemoScript:
     """Leads a page from its first moment on. Times are seconds of any steady clock."""
 
-    def __init__(self, recording_ids: Sequence[str]) -> None:
-        self._ids = tuple(recording_ids)
+    def __init__(self, recording_ids: Sequence[str], live_id: str = "") -> None:
+        """`live_id`: a source's recording, which then is the whole show."""
+        self._ids = (live_id,) if live_id else tuple(recording_ids)
+        self._is_live = bool(live_id)
         self._beats = self._rounds()
         self._beat: DemoStep | None = None
         self._began_at = 0.0
@@ -107,14 +114,15 @@ class DemoScript:
     def _rounds(self) -> Iterator[DemoStep]:
         while True:
             for recording_id in self._ids:
-                yield from steps_of(recording_id)
+                yield from steps_of(recording_id, self._is_live)
 
 
 def intents_of(beat: DemoStep, state: ViewState) -> tuple[Any, ...]:
     """What a beat asks of the page when it begins."""
     intents: list[Any] = [PointAt(beat.act)]
-    if beat.plays != state.is_playing:
-        intents.append(ask.TogglePlay())
+    runs = state.follows_newest if beat.is_live else state.is_playing
+    if beat.plays != runs:
+        intents.append(ask.FollowNewest() if beat.plays and beat.is_live else ask.TogglePlay())
     if beat.place is not None:
         intents.append(ask.QueryFraction(*beat.place))
     return tuple(intents)

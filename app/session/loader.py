@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from app.catalogue.cut import CutRecording, windows_of
 from app.catalogue.part_id import whole_id
 from app.catalogue.visitor import VisitorCatalogue
 from app.html.moment import Moment
@@ -13,7 +14,6 @@ from app.session.opening import Opened, Opener, Opening, Plan, Unopened
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from etnet.errors import EtnetError
-from etnet.windows import plan_windows
 
 
 class RecordingLoader:
@@ -36,16 +36,30 @@ class RecordingLoader:
 
     def moment(self, state: ViewState) -> Moment | None:
         """The window that the view asks for, if its recording is open and cut as it says."""
+        found = self.placed(state)
+        return None if found is None or self.said_gone(state) else found
+
+    def placed(self, state: ViewState) -> Moment | None:
+        """The same, also where its events have left a live recording's buffer: it still has a place in time."""
         held = self._of(state)
         if held is None or held.policy != state.policy:
             return None
         return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
 
+    def said_gone(self, state: ViewState) -> str:
+        """That the window's events have left the buffer, and what has; empty where they are there."""
+        held, placed = self._of(state), self.placed(state)
+        if held is None or placed is None or not isinstance(held.recording, CutRecording):
+            return ""
+        if not held.recording.is_gone(placed.window):
+            return ""
+        return f"gone: before {held.recording.gone_before:.1f} s"
+
     def want(self, state: ViewState) -> None:
         """Begin to open what the view asks for, unless it is there, or was refused."""
         plan = _plan_of(state)
         is_outgrown = self._opened is not None and self._opened.is_outgrown
-        if (self.moment(state) is None or is_outgrown) and plan != self._refused:
+        if (self.placed(state) is None or is_outgrown) and plan != self._refused:
             self._catalogue.looks_at(plan.recording_id)
             self._opener.want(plan)
 
@@ -69,6 +83,9 @@ class RecordingLoader:
             is_beyond = state.moment is not None and state.moment > item.windows[last].t_stop
             self._aims_at = (state.moment, last) if is_beyond and state.moment is not None else None
             return (ask.RenameRecording(item.recording_id), ask.Settle(item.policy)), ""
+        if item.is_waiting:
+            self._opened, self.trouble = None, item.message
+            return (), ""
         held = self._opened
         if held is not None and held.plan.recording_id == item.plan.recording_id:
             if held.policy == item.plan.policy:
@@ -88,8 +105,10 @@ class RecordingLoader:
             return False, None  # it is gone; the next one to open it is told
         if recording is held.recording:
             return False, None
-        windows = plan_windows(recording, held.policy, held.windows)
+        windows = windows_of(recording, held.policy, held.windows)
         self._opened = replace(held, recording=recording, windows=windows)
+        if state.follows_newest and self._opened.limits.is_live:
+            return True, ask.FollowNewest()
         return True, self._nearer(state, self._opened)
 
     def _nearer(self, state: ViewState, held: Opened) -> Any | None:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from app.catalogue.cut import is_live, windows_of
+from app.catalogue.live import WaitingForEvents
 from app.catalogue.part_id import known_as
 from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
@@ -15,7 +17,7 @@ from app.state.view_state import Limits
 from app.views.timeline.html import curve_of
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
-from etnet.windows import Policy, Window, plan_windows
+from etnet.windows import Policy, Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,9 @@ class Opened:
     def limits(self) -> Limits:
         """What the reducer may do."""
         is_growing = self.recording.latest is not None
-        return Limits(self.recording.sensor, self.windows, self.recording.span.start, is_growing)
+        return Limits(
+            self.recording.sensor, self.windows, self.recording.span.start, is_growing, is_live(self.recording)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,8 @@ class Unopened:
 
     plan: Plan
     message: str
+    is_waiting: bool = False
+    """It may be there in a moment: it is tried again, and nobody is told that it failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +103,7 @@ class Opener:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
             policy = suited_policy(recording) if plan.policy is None else plan.policy
-            windows = plan_windows(recording, policy)
+            windows = windows_of(recording, policy)
             if len(windows) == 0:
                 self._tell(Unopened(plan, f"{recording.name}: holds no events, so there is nothing to show"))
             else:
@@ -106,7 +112,7 @@ class Opener:
                 curve_of(Moment(opened.recording_id, policy, 0, recording, windows))
                 self._tell(opened)
         except EtnetError as error:
-            self._tell(Unopened(plan, str(error)))
+            self._tell(Unopened(plan, str(error), isinstance(error, WaitingForEvents)))
 
     def _progress(self, plan: Plan) -> Callable[[float], None]:
         """Tells every whole per cent once."""

@@ -42,7 +42,8 @@ class PageComposer:
         is_dragged: bool,
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced; `is_dragged`: by a finger, not because it plays."""
-        frames, catalogue = self.frames, self.catalogue
+        frames, catalogue, limits = self.frames, self.catalogue, self.loader.limits(state)
+        shown_index = frames.ready.request.index if limits.is_live and frames.ready is not None else None
         page = Page(
             state,
             moment,
@@ -55,7 +56,7 @@ class PageComposer:
             is_moving,
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
-            self.loader.trouble,
+            self.loader.said_gone(state) or self.loader.trouble,
             catalogue.growing(),
             results=results,
             runs=runs,
@@ -65,6 +66,11 @@ class PageComposer:
             uploads=None if self.uploads is None else self.uploads.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not is_dragged else "",
             areas=areas(state, self.views),
+            placed=self.loader.placed(state),
+            live=None if state.is_public and not limits.is_live else catalogue.live(shown_index),
+            is_live=limits.is_live,
+            follows=limits.is_live and state.follows_newest,
+            gone=self.loader.said_gone(state),
         )
         opened = open_views(state, self.views)
         marking = dict.fromkeys((*opened, *changing_views(state, self.views)))

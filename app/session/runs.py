@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
+from app.catalogue.cut import is_live, windows_of
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.denoised import cleaned_once
@@ -25,7 +26,7 @@ from app.views.page import RunFrame
 from etnet.errors import EtnetError, WindowError
 from etnet.events.denoise import Cleaning
 from etnet.events.recording import Recording
-from etnet.windows import Policy, Window, from_window, plan_windows
+from etnet.windows import Policy, Window, from_window
 
 MOST_RUNS = 3
 """Runs beside the main one that are computed."""
@@ -192,7 +193,9 @@ class VisitorRuns:
 
     def _plan(self, plan: RunPlan, recording: Recording) -> None:
         try:
-            windows = plan_windows(cleaned_once(recording, plan.cleaning), plan.policy)
+            if plan.cold_from is not None and is_live(recording):
+                raise WindowError("a run from a cold start needs a whole recording; record, and open the file")
+            windows = windows_of(cleaned_once(recording, plan.cleaning), plan.policy)
             cold_at = 0
             if plan.cold_from is not None:
                 cold_at = bisect.bisect_left(windows, plan.cold_from, key=lambda window: window.t_start)

@@ -143,6 +143,9 @@ class Session:
                 if not self._is_closed:
                     self._advance()
             except Exception as error:  # what cannot be drawn must not end the visit
+                if self._held.said_gone(self._state):
+                    self._is_dirty = True  # it left a live recording while it was drawn: that is drawn next
+                    continue
                 log.exception("%s: cannot draw", self._visitor)
                 self._notify("This could not be shown", f"{type(error).__name__}: {error}")
                 self._is_dirty = False
@@ -158,7 +161,7 @@ class Session:
 
     def _patience(self) -> float:
         since = time.monotonic() - self._pushed_at
-        if self._is_dirty or self._state.is_playing:
+        if self._is_dirty or self._state.is_playing or self._follows():
             return max(PUSH_INTERVAL - since, 0.001)
         if self._is_moving():
             return REST / 2
@@ -203,6 +206,8 @@ class Session:
                 self._has_asked = True
                 self._answer(Touched())
                 if self._showing.permits(item):
+                    for view in self._views:
+                        view.perform(item, self._catalogue)
                     self._reduce(item)
         self._is_dirty = True
 
@@ -282,6 +287,10 @@ class Session:
         if not self._keeper.keep(self._state) and not self._is_dirty:
             self._glanced_at = min(self._glanced_at, time.monotonic() - GLANCE)
 
+    def _follows(self) -> bool:
+        """Whether the page goes with a source."""
+        return self._state.follows_newest and self._held.limits(self._state).is_live
+
     def _is_moving(self) -> bool:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
@@ -289,7 +298,7 @@ class Session:
         offer = self._catalogue.entries(), self._catalogue.growing(), self._held.share
         self._is_dirty |= offer != self._offer
         self._offer = offer
-        if time.monotonic() - self._grown_at > GLANCE:
+        if time.monotonic() - self._grown_at > (PUSH_INTERVAL if self._follows() else GLANCE):
             self._grown_at = time.monotonic()
             has_grown, follows = self._held.grow(self._state)
             self._is_dirty |= has_grown
@@ -312,7 +321,7 @@ class Session:
             runs,
             self._studying.results,
             self._cached,
-            self._is_moving() or self._state.is_playing,
+            self._is_moving() or self._state.is_playing or self._follows(),
             self._is_moving(),
         )
         self._layout.show(page)

@@ -46,7 +46,9 @@ class Visit:
         self._default = default
         self._views = views
         is_public = default.is_public
-        self._attract = DemoScript([entry.id for entry in catalogue.entries()]) if is_public else None
+        entries = catalogue.entries()
+        live = next((entry.id for entry in entries if entry.kind == "live"), "")
+        self._attract = DemoScript([entry.id for entry in entries], live) if is_public else None
         self._throttle = Throttle(time.monotonic())
         self._help: GuiModalHandle | None = None
 

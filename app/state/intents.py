@@ -101,7 +101,12 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class TogglePlay:
-    """Play, or pause. Playing from the last window starts over."""
+    """Play, or pause. Playing from the last window starts over; where that is now, it is followed."""
+
+
+@dataclass(frozen=True, slots=True)
+class FollowNewest:
+    """Go to the newest window of a live recording, and with it from now on."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 from app.state import intents as ask
 from app.state.checks import checked
-from app.state.view_state import Limits, ViewState
+from app.state.view_state import LARGEST_INDEX, Limits, ViewState
 from etnet.windows import Window
 
 SEARCHED = 5_000
@@ -31,13 +31,19 @@ def reduce_shared(state: ViewState, intent: Any, limits: Limits) -> ViewState:
 def _reduce_playback(state: ViewState, intent: Any, limits: Limits) -> ViewState | None:
     match intent:
         case ask.Seek(index):
-            return replace(state, index=limits.clamp_index(index), is_playing=False)
+            return _gone_to(state, index, limits)
         case ask.Move(num_windows):
-            return replace(state, index=limits.clamp_index(state.index + num_windows), is_playing=False)
+            return _gone_to(state, state.index + num_windows, limits)
+        case ask.FollowNewest():
+            return _following(state, limits)
         case ask.SeekTime(seconds):
             seconds = seconds if math.isfinite(seconds) else 0.0
             t = limits.start + round(min(max(seconds, 0.0), 1e9) * 1e6)
-            return replace(state, index=limits.index_at(t), is_playing=False)
+            if limits.is_live and limits.windows and t > limits.windows[len(limits.windows) - 1].t_stop:
+                return _following(state, limits)
+            return _gone_to(state, limits.index_at(t), limits)
+        case ask.TogglePlay() if limits.is_live and state.follows_newest:
+            return replace(state, follows_newest=False, is_playing=False)
         case ask.TogglePlay():
             is_at_end = limits.windows is not None and state.index >= len(limits.windows) - 1
             restarts = not state.is_playing and is_at_end and not limits.is_growing
@@ -51,12 +57,28 @@ def _reduce_playback(state: ViewState, intent: Any, limits: Limits) -> ViewState
     return None
 
 
+def _gone_to(state: ViewState, index: int, limits: Limits) -> ViewState:
+    """A window by its index; past the last one of a live recording lies what comes next."""
+    if limits.is_live and limits.windows is not None and index >= len(limits.windows):
+        return _following(state, limits)
+    follows = state.follows_newest and not limits.is_live
+    return replace(state, index=limits.clamp_index(index), is_playing=False, follows_newest=follows)
+
+
+def _following(state: ViewState, limits: Limits) -> ViewState:
+    if not limits.is_live:
+        return state
+    return replace(state, index=limits.clamp_index(LARGEST_INDEX), is_playing=False, follows_newest=True)
+
+
 def _played_to(state: ViewState, index: int, limits: Limits) -> ViewState:
     if not state.is_playing:
         return state
     is_past = limits.windows is not None and index >= len(limits.windows) and not limits.is_growing
     if is_past and state.loops:
         return replace(state, index=0)
+    if limits.is_live and limits.windows is not None and index >= len(limits.windows):
+        return _following(state, limits)
     return replace(state, index=limits.clamp_index(index), is_playing=not is_past)
 
 
@@ -68,7 +90,7 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             if recording_id == state.recording_id:
                 return state
             opened = replace(state, recording_id=recording_id, policy=None, query=None)
-            return replace(opened, index=0, moment=None, is_playing=False)
+            return replace(opened, index=0, moment=None, is_playing=False, follows_newest=True)
         case ask.ReopenRecording(recording_id):
             return replace(state, recording_id=recording_id, moment=moment, is_playing=False)
         case ask.ChooseModel(model_id):
@@ -85,7 +107,12 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             index = state.index if state.moment is None else limits.index_at(state.moment)
             if state.policy is None and state.moment is None and index == 0:
                 index = first_with_events(limits.windows or ())
-            settled = replace(state, policy=policy, index=limits.clamp_index(index), moment=None)
+            follows = state.follows_newest
+            if limits.is_live:
+                follows = follows and state.moment is None  # a moment that was asked for is one of the past
+                index = LARGEST_INDEX if follows else index
+            index = limits.clamp_index(index)
+            settled = replace(state, policy=policy, index=index, moment=None, follows_newest=follows)
             return settled if state.query is None else _queried(settled, *state.query, limits)
     return None
 
@@ -118,7 +145,9 @@ def _queried(state: ViewState, x: int, y: int, limits: Limits) -> ViewState:
     width, height = (limits.sensor.width, limits.sensor.height) if limits.sensor else (65_536, 65_536)
     # In public the picture waits for the person who touches it; elsewhere playing goes on under the maps.
     goes_on = state.is_playing and not state.is_public
-    return replace(state, query=(min(max(x, 0), width - 1), min(max(y, 0), height - 1)), is_playing=goes_on)
+    follows = state.follows_newest and not (state.is_public and limits.is_live)
+    pixel = min(max(x, 0), width - 1), min(max(y, 0), height - 1)
+    return replace(state, query=pixel, is_playing=goes_on, follows_newest=follows)
 
 
 def _set(state: ViewState, name: str, value: object) -> ViewState:

@@ -36,6 +36,8 @@ class Limits:
     """Stamp of the recording's first event, µs: second 0 of the timeline."""
     is_growing: bool = False
     """More windows will come after the last one."""
+    is_live: bool = False
+    """A source feeds it: the newest window is now."""
 
     def clamp_index(self, index: int) -> int:
         """The nearest window that exists."""
@@ -71,6 +73,8 @@ class ViewState:
     moment: int | None = passing(None)
     """Stamp (µs) to return to once the windows are planned."""
     is_playing: bool = passing(False)
+    follows_newest: bool = True
+    """Of a live recording: the newest window is the current one, whichever that is."""
     speed: float = number(0.1, 1e-4, 16.0)
     waits_for_frames: bool = False
     loops: bool = True

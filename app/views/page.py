@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from app.catalogue.live import LiveShown
 from app.catalogue.videos import VideoShown
 from app.catalogue.visitor_uploads import UploadsShown
 from app.engine.jobs import JobResult
@@ -83,13 +84,24 @@ class Page:
     """Where each card stands: "a" and "b" on the stage, "s1" … on the shelf."""
     cloud: Callable[[int], EventCloud] | None = None
     """The events of the scene in the colours of an open view."""
+    placed: Moment | None = None
+    """The moment on the timeline, also where `moment` is gone."""
+    live: LiveShown | None = None
+    """The server's live source; `None` where there is none."""
+    is_live: bool = False
+    """Whether the current recording is the live one."""
+    follows: bool = False
+    """Whether the newest window is shown, whichever that is."""
+    gone: str = ""
+    """That the current window's events have left the buffer of the live recording."""
     over_timeline: str = ""
     """SVG that open views draw over the timeline."""
 
     @property
     def missed(self) -> int | None:
         """The window whose image the current one lags behind; `None` where each is waited for: it plays one behind."""
-        return None if self.state.is_playing and self.state.waits_for_frames else self.state.index
+        is_one_behind = self.follows or (self.state.is_playing and self.state.waits_for_frames)
+        return None if is_one_behind else self.state.index
 
     @property
     def lags(self) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from app.catalogue.visitor import VisitorCatalogue
 from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
 from app.html.cloud import EventCloud
@@ -85,6 +86,10 @@ def _nothing_over(page: Page) -> str:
     return ""
 
 
+def _nothing_done(intent: Any, catalogue: VisitorCatalogue) -> None:
+    return None
+
+
 def _no_cloud(page: Page) -> Callable[[int], EventCloud] | None:
     return None
 
@@ -122,6 +127,8 @@ class View:
     """What it wants computed of these runs."""
     over_timeline: Callable[[Page], str] = _nothing_over
     """SVG that it draws over the timeline."""
+    perform: Callable[[Any, VisitorCatalogue], None] = _nothing_done
+    """What an intent does beyond the page: to a source, to a file of the host's. Asked before `reduce`; never waits."""
     cloud: Callable[[Page], Callable[[int], EventCloud] | None] = _no_cloud
     """The events of the scene in colours of its own, for a number of points at most."""
 

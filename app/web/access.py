@@ -10,6 +10,7 @@ import hmac
 import mimetypes
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
@@ -27,6 +28,7 @@ LARGEST_MESSAGE = 300_000
 holds up to 16 of them before it stops reading."""
 VISER_UPLOAD = b"FileTransferStartUpload"
 """What a message that lets viser hold a file begins with, somewhere: viser keeps the bytes in memory, without a cap."""
+LOOPBACK_PEERS = frozenset({"127.0.0.1", "::1", "::ffff:127.0.0.1"})
 Handler = Callable[[ServerConnection], Awaitable[None]]
 ProcessRequest = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
 
@@ -98,6 +100,39 @@ class AccessControl:
         return _answer(200, file.read_bytes(), {"Content-Type": kind, "Cache-Control": "max-age=3600"})
 
 
+@dataclass(frozen=True, slots=True)
+class _Peer:
+    """Where a connection comes from, by itself and by its own word."""
+
+    address: str
+    hosts: tuple[str, ...]
+    is_forwarded: bool
+
+
+_PEER: ContextVar[_Peer | None] = ContextVar("peer", default=None)
+
+
+def sits_here(public_url: str | None) -> bool:
+    """Whether the visitor who connects now opened the page on this very machine, by one of its own names.
+
+    Behind a public address nobody does: a proxy connects in everybody's name.
+    """
+    peer = _PEER.get()
+    if peer is None or public_url is not None or peer.is_forwarded:
+        return False
+    return peer.address in LOOPBACK_PEERS and all(host in LOOPBACK for host in peer.hosts)
+
+
+def _peer_of(connection: ServerConnection) -> _Peer:
+    assert connection.request is not None
+    headers = connection.request.headers
+    origins = [urlsplit(origin).netloc for origin in headers.get_all("Origin")]
+    hosts = tuple(_host_name(host) for host in (*headers.get_all("Host"), *origins))
+    is_forwarded = any(name.lower().startswith(("x-forwarded", "forwarded", "x-real-ip", "via")) for name in headers)
+    address = connection.remote_address
+    return _Peer(str(address[0]) if address else "", hosts, is_forwarded)
+
+
 @contextmanager
 def guarding(guard: AccessControl) -> Iterator[None]:
     """Servers that are constructed inside are guarded: viser calls websockets' `serve` and takes no check of ours."""
@@ -115,6 +150,7 @@ def guarding(guard: AccessControl) -> Iterator[None]:
 
         async def handle(connection: ServerConnection) -> None:
             assert connection.request is not None
+            _PEER.set(_peer_of(connection))
             door = guard.doors.get(urlsplit(connection.request.path).path)
             await (handler(_taking_no_files(connection)) if door is None else door(connection))
 

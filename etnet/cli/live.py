@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 import time
 from collections.abc import Iterator
@@ -16,10 +15,8 @@ import tyro
 
 from etnet.cli.policy import parse_policy
 from etnet.cli.progress import console
-from etnet.errors import RecordingError
-from etnet.live.buffer import Keep
 from etnet.live.layouts import LayoutName
-from etnet.live.open import SourceOptions, open_source, parsed_sensor
+from etnet.live.open import SourceOptions, open_source, parsed_keep, parsed_sensor
 from etnet.live.rate import Band, RateFollower
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
@@ -80,7 +77,7 @@ class ReconstructLive:
 
 def run(config: ReconstructLive) -> int:
     """Do it; returns the exit code."""
-    from etnet.live.pace import fitting_downsample
+    from etnet.live.binning import fitting_downsample
     from etnet.nets.weights import load_model
 
     if config.record is not None:
@@ -175,21 +172,6 @@ def stopping(seconds: float | None) -> Iterator[Event]:
             timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def parsed_keep(text: str) -> Keep:
-    """60s, 512MB, or both with a comma between."""
-    keep = {"seconds": 60.0, "num_bytes": 512 << 20}
-    for part in text.split(","):
-        found = re.fullmatch(r"([0-9.]+)\s*(s|MB)", part.strip())
-        try:
-            value = float(found[1]) if found else -1.0
-        except ValueError:
-            value = -1.0
-        if found is None or value < 0:
-            raise RecordingError(f"--keep {text!r} is not understood; write 60s, 512MB or 60s,512MB")
-        keep["seconds" if found[2] == "s" else "num_bytes"] = value if found[2] == "s" else int(value * (1 << 20))
-    return Keep(float(keep["seconds"]), int(keep["num_bytes"]))
 
 
 class Teller:

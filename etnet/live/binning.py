@@ -6,12 +6,15 @@ from dataclasses import replace
 from threading import Lock
 from typing import Literal
 
+from etnet.events.events import Sensor
 from etnet.events.opened_as import View
 from etnet.events.recording import Recording
 from etnet.events.view import seen_whole
 
 Downsample = Literal[1, 2, 4]
 """Pixels a side that become one."""
+LARGEST = Sensor(346, 260)
+"""Sensors above this size are binned for the network unless asked otherwise."""
 
 
 class Binned:
@@ -39,3 +42,12 @@ class Binned:
 def binned(recording: Recording, downsample: Downsample) -> Recording:
     """The recording with its pixels joined; itself where there is nothing to join."""
     return recording if downsample == 1 else Binned(recording, downsample).latest()
+
+
+def fitting_downsample(sensor: Sensor) -> Downsample:
+    """How many pixels a side become one, so that the network sees at most 346×260 of them (4 at most)."""
+    factors: tuple[Downsample, ...] = (1, 2)
+    for factor in factors:
+        if -(-sensor.width // factor) <= LARGEST.width and -(-sensor.height // factor) <= LARGEST.height:
+            return factor
+    return 4

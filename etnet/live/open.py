@@ -11,6 +11,7 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.open import open_recording
 from etnet.live.address import Address
+from etnet.live.buffer import Keep
 from etnet.live.driver import CameraSource
 from etnet.live.layouts import LayoutName
 from etnet.live.replay import Replay
@@ -86,6 +87,21 @@ def parsed_sensor(text: str) -> Sensor:
     if found is None or not (0 < int(found[1]) <= 65_535 and 0 < int(found[2]) <= 65_535):
         raise RecordingError(f"a sensor of {text!r} is not understood; write it as 346x260")
     return Sensor(int(found[1]), int(found[2]))
+
+
+def parsed_keep(text: str) -> Keep:
+    """60s, 512MB, or both with a comma between."""
+    keep = {"seconds": 60.0, "num_bytes": 512 << 20}
+    for part in text.split(","):
+        found = re.fullmatch(r"([0-9.]+)\s*(s|MB)", part.strip())
+        try:
+            value = float(found[1]) if found else -1.0
+        except ValueError:
+            value = -1.0
+        if found is None or value < 0:
+            raise RecordingError(f"--keep {text!r} is not understood; write 60s, 512MB or 60s,512MB")
+        keep["seconds" if found[2] == "s" else "num_bytes"] = value if found[2] == "s" else int(value * (1 << 20))
+    return Keep(float(keep["seconds"]), int(keep["num_bytes"]))
 
 
 def _address(transport: str, text: str) -> Address:

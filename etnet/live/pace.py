@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import torch
 
 from etnet.events.events import Sensor
-from etnet.live.binning import Downsample
 from etnet.nets.base import Reconstructor
 from etnet.nets.runtime import device_of
 from etnet.windows import ByDensity, ByDuration, Policy
@@ -21,8 +20,6 @@ DENSEST = 1.0
 """Events per pixel and window up to which they do well."""
 SPARE = 1.25
 """Windows last so much longer than a step, so that a busy moment is made up for."""
-LARGEST = Sensor(346, 260)
-"""Sensors above this size are binned for the network unless asked otherwise."""
 _STEPS = 3
 
 
@@ -33,15 +30,6 @@ class Pace:
     policy: Policy
     step_seconds: float
     said: str
-
-
-def fitting_downsample(sensor: Sensor) -> Downsample:
-    """How many pixels a side become one, so that the network sees at most 346×260 of them (4 at most)."""
-    factors: tuple[Downsample, ...] = (1, 2)
-    for factor in factors:
-        if -(-sensor.width // factor) <= LARGEST.width and -(-sensor.height // factor) <= LARGEST.height:
-            return factor
-    return 4
 
 
 def measured_step(model: Reconstructor, sensor: Sensor, clock: Callable[[], float] = time.perf_counter) -> float:

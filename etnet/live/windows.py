@@ -76,6 +76,12 @@ class LiveWindows:
         self._start: int | None = None
         self._t_start = 0
 
+    def begin_now(self) -> None:
+        """The first window begins with the next event, and not with what came before."""
+        extent = self.live.extent()
+        if extent.until is not None:
+            self._start, self._t_start = extent.num_events, extent.until
+
     def take(self, timeout: float = 0.5, is_stopped: Callable[[], bool] = lambda: False) -> Window | None:
         """The next window, with all that has come for it by now; `None` if none was full within `timeout` seconds."""
         until = time.monotonic() + timeout
@@ -91,6 +97,18 @@ class LiveWindows:
         self.num_merged += num_windows - 1
         self._start, self._t_start = window.stop, window.t_stop
         return window
+
+    def is_full(self) -> bool:
+        """Whether a whole window waits to be taken. Any thread may ask."""
+        extent = self.live.extent()
+        if extent.first_stamp is None or extent.until is None:
+            return False
+        start, t_start = self._start, self._t_start
+        if start is None:
+            start, t_start = extent.first_held, extent.held_stamp or extent.first_stamp
+        if isinstance(self.policy, ByDuration):
+            return extent.until - t_start >= self.policy.duration
+        return extent.num_events - max(start, extent.first_held) >= _num_events(self.policy, self._sensor)
 
     def _cut(self, extent: Extent) -> tuple[Window, int] | None:
         """All whole windows that wait, as one, and how many they are."""

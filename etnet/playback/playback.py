@@ -62,10 +62,13 @@ class Playback:
         windows: Sequence[Window],
         budget_bytes: int = 512 << 20,
         disk: DiskCache | None = None,
+        first: int = 0,
     ) -> None:
+        """`first`: the window that is reached from a cold start; those before it cannot be asked for."""
         self.model = model
         self.recording = recording
         self.windows = windows
+        self.first = first
         self.intervention = ORIGINAL
         self.edit = UNEDITED
         self.branch_at = 0
@@ -139,18 +142,24 @@ class Playback:
         with torch.inference_mode():
             return self._pyramid(index, cancelled, None)[1]
 
-    def approximate(self, index: int, warm_up: int, cancelled: Callable[[], bool] | None = None) -> Step:
+    def approximate(
+        self,
+        index: int,
+        warm_up: int,
+        cancelled: Callable[[], bool] | None = None,
+        probe: AttentionProbe | None = None,
+    ) -> Step:
         """The frame after a cold start `warm_up` windows earlier: a preview, never kept, never called exact."""
         self._check(index)
         state, pyramid = None, None
         with torch.inference_mode():
-            for i in range(max(0, index - warm_up), index + 1):
+            for i in range(max(self.first, index - warm_up), index + 1):
                 _raise_if(cancelled)
                 pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))
             assert pyramid is not None
             assert state is not None
-            frame, _ = self.model.decode(pyramid, None, self._decoding(ORIGINAL, index))
-        return Step(frame, state, variance=variance_of(self.model, state))
+            frame, attention = self.model.decode(pyramid, probe, self._decoding(ORIGINAL, index))
+        return Step(frame, state, attention, variance=variance_of(self.model, state))
 
     def voxel(self, index: int) -> Float[Tensor, "bins h w"]:
         """The voxel grid that the network gets for window `index`, its normalisation applied."""
@@ -193,7 +202,7 @@ class Playback:
         They replace what this playback itself changes from there on.
         """
         self._check(at)
-        branch = Playback(self.model, self.recording, self.windows, self._budget_bytes // 2)
+        branch = Playback(self.model, self.recording, self.windows, self._budget_bytes // 2, first=self.first)
         branch.intervention, branch.edit, branch.branch_at, branch.parent = intervention, edit, at, self
         return branch
 
@@ -217,7 +226,7 @@ class Playback:
             _raise_if(cancelled)
             return self.model.pyramid(self._input(index), held), held
         before = self._nearest_before(index)
-        state, pyramid = (None, None) if before < 0 else (self._state(before), None)
+        state, pyramid = (None, None) if before < self.first else (self._state(before), None)
         for i in range(before + 1, index + 1):
             _raise_if(cancelled)
             pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))
@@ -253,7 +262,7 @@ class Playback:
         return held
 
     def _nearest_before(self, index: int) -> int:
-        """The nearest index before `index` whose state is held, here or before the branch; −1 for none."""
+        """The nearest index before `index` whose state is held, here or before the branch; `first` − 1 for none."""
         nearest = self._states.nearest_before(index)
         if (disk := self._usable_disk()) is not None:
             for kept in sorted(
@@ -263,13 +272,13 @@ class Playback:
                     return kept
         if self.parent is not None and (nearest is None or nearest < self.branch_at):
             nearest = self.parent._nearest_before(min(index, self.branch_at))
-        return -1 if nearest is None else nearest
+        return self.first - 1 if nearest is None else nearest
 
     def _decoding(self, intervention: Intervention, index: int) -> Intervention:
         return intervention if intervention != ORIGINAL else self.intervention_at(index)
 
     def _check(self, index: int) -> None:
-        if not 0 <= index < len(self.windows):
+        if not self.first <= index < len(self.windows):
             raise IndexError(f"{self.recording.name}: window {index} of {len(self.windows)}")
 
 

@@ -71,7 +71,7 @@
     hover.hidden = !axis;
     if (!axis) return;
     const box = axis.getBoundingClientRect();
-    hover.textContent = `${(inside((event.clientX - box.left) / box.width) * Number(axis.dataset.duration)).toFixed(3)} s`;
+    hover.textContent = `${(Number(axis.dataset.start) + inside((event.clientX - box.left) / box.width) * Number(axis.dataset.duration)).toFixed(3)} s`;
     Object.assign(hover.style, { left: `${event.clientX}px`, top: `${box.top - 4}px` });
   });
   let zoom = 1;

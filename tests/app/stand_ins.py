@@ -54,6 +54,8 @@ def recording(name="moving", num_frames=31, num_events=6000, seed=0):
 class Shelf:
     """Two recordings that open and one that does not."""
 
+    live = None
+
     def __init__(self):
         self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
         self.private = {}

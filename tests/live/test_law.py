@@ -8,9 +8,9 @@ from etnet.events.events import Sensor
 from etnet.events.open import open_recording
 from etnet.events.opened_as import View
 from etnet.events.recording import recording_of_events
-from etnet.live.binning import binned
+from etnet.live.binning import binned, fitting_downsample
 from etnet.live.log import windows_as_cut
-from etnet.live.pace import fitting_downsample, fitting_policy, measured_step
+from etnet.live.pace import fitting_policy, measured_step
 from etnet.live.reconstruct import reconstruct_live
 from etnet.live.record import Recorder
 from etnet.live.recording import LiveRecording

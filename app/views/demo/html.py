@@ -7,6 +7,7 @@ from html import escape
 from app.catalogue.recording_id import listed_id
 from app.html.attention.maps import places_html
 from app.html.elements import ON_PICK
+from app.html.moment import newest_of
 from app.html.pictures import camera_frame_html, event_image_html
 from app.html.uploads import public_handing_html
 from app.views.attention.state import AttentionState, look_of
@@ -44,7 +45,7 @@ def demo_html(page: Page) -> str:
     act = page.state.of(DemoState).act
     style = page.state.of(EventsState).event_image
     shown = [
-        _figure("events", act, event_image_html(moment, style)),
+        _figure("events", act, event_image_html(newest_of(moment) if page.follows else moment, style)),
         _figure("image", act, reconstruction_of(page)),
         _third(page),
     ]
@@ -92,13 +93,18 @@ def bar_html(page: Page, ways_inside: str = _INSIDE) -> str:
     """Who leads, the recordings to choose from, and the way inside."""
     if page.state.of(DemoState).act != "none":
         return '<div class="etv-bar" data-testid="invitation"><b>Touch anything to try it yourself</b></div>'
+    back = ""
+    if page.is_live:
+        words, chosen = ("You see it live", " etv-chosen") if page.follows else ("Back to live", "")
+        back = f'<button class="etv-big{chosen}" data-k="live:follow" {ON_PICK}>{words}</button>'
     recordings = "".join(
         f'<button class="etv-big{" etv-chosen" if choice.id == listed_id(page.state.recording_id) else ""}" '
         f'data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}</button>'
         for choice in page.recordings
+        if not (page.is_live and choice.id == page.state.recording_id)
     )
     own = "" if page.uploads is None else public_handing_html(page.uploads)
     return (
         f'<div class="etv-bar" data-testid="yours"><span>{_YOURS}</span>'
-        f'<span class="etv-choices">{recordings}{ways_inside}{own}</span></div>'
+        f'<span class="etv-choices">{back}{recordings}{ways_inside}{own}</span></div>'
     )

@@ -6,6 +6,7 @@ import viser
 
 from app.html.card import card
 from app.html.elements import empty, panel
+from app.html.moment import newest_of
 from app.html.pictures import event_image_html
 from app.html.units import count, milliseconds
 from app.views.events.state import EventsState
@@ -27,6 +28,8 @@ class EventsPanel(Panel):
             nothing = panel("events", empty("No recording", page.trouble or "Choose one in the bar."))
             self._events.show(card("events", "Events", nothing, page.areas))
             return
+        if page.follows:
+            moment = newest_of(moment)
         window = moment.window
         note = f"{count(window.num_events)} in {milliseconds((window.t_stop - window.t_start) / 1000)}"
         body = event_image_html(moment, page.state.of(EventsState).event_image)

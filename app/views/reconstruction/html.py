@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.html.card import segmented
+from app.html.live import live_badge
 from app.html.pictures import reconstruction_html
 from app.views.page import Page
 from app.views.reconstruction.state import ReconstructionState, tones_of
@@ -28,7 +29,14 @@ def reconstruction_of(page: Page, marks_query: bool = True) -> str:
         query=page.state.query if marks_query else None,
         working=page.working,
         failed=page.failed,
+        badge=_live_badge(page),
     )
+
+
+def _live_badge(page: Page) -> str:
+    if page.live is None or not page.is_live:
+        return ""
+    return live_badge(page.live, page.follows, None if page.moment is None else page.moment.seconds[1])
 
 
 def tone_html(page: Page) -> str:

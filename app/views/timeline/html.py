@@ -5,13 +5,15 @@ Event rate, camera frames, what is cached and the current window stand where the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from app.catalogue.cut import is_live
 from app.html.elements import ON_PICK, escape, panel
 from app.html.moment import ARRAYS, Moment
-from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, curve_of, place_of, plan_of
+from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, axis_of, curve_of, place_of, plan_of
 from app.html.units import count, of_whole, rate, seconds
 from etnet.render.timeline import MICROSECONDS, nice_step
 
@@ -23,16 +25,19 @@ _NUM_SECONDS = 8
 
 
 def timeline_html(moment: Moment, cached: Cached | None = None, *, over: str = "") -> str:
-    """A strip of 44 px over its seconds. Dragging along it sends `span:0,seconds`.
+    """A strip of 44 px over its seconds. Dragging along it sends `span:from,to` in seconds.
 
     `over`: SVG in the strip's measure, drawn last.
     """
-    window, duration = moment.window, moment.recording.span.duration / MICROSECONDS
+    window, axis = moment.window, axis_of(moment)
+    duration, start = axis.duration / MICROSECONDS, (axis.start - moment.recording.span.start) / MICROSECONDS
+    begin = f"{start:.6f}" if start else "0"
     left, right = place_of(moment, window.t_start), place_of(moment, window.t_stop)
     now = f'<rect x="{left:.2f}" y="0" width="{max(right - left, 1):.2f}" height="{_FLOOR}" fill="#ffffff2e"/>'
     strip = (
-        f'<div class="et-strip" data-testid="strip"><div class="et-axis" data-k="span:0,{duration:.6f}" data-drag="1"'
-        f' data-duration="{duration:.6f}" {ON_PICK}>'
+        '<div class="et-strip" data-testid="strip">'
+        f'<div class="et-axis" data-k="span:{begin},{start + duration:.6f}" data-drag="1"'
+        f' data-start="{start:.6f}" data-duration="{duration:.6f}" {ON_PICK}>'
         f'<svg viewBox="0 0 {AXIS_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
         f"{_background(moment)}{now}{_bars(moment, cached or NothingCached())}{over}</svg>"
         f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_seconds(moment)}</div></div>'
@@ -73,15 +78,19 @@ def _background(moment: Moment) -> str:
         truth = moment.recording.ground_truth
         ticks = ""
         if truth is not None and len(truth):
-            step = -(-len(truth) // _MAX_TICKS)
-            places = (place_of(moment, float(stamp)) for stamp in truth.stamps[::step])
+            axis = axis_of(moment)
+            first, last = (
+                np.searchsorted(truth.stamps, [axis.start, axis.stop + 1]) if is_live(moment.recording) else (0, None)
+            )
+            shown = truth.stamps[first:last]
+            places = (place_of(moment, float(stamp)) for stamp in shown[:: max(-(-len(shown) // _MAX_TICKS), 1)])
             ticks = "".join(f"M{x:.1f} 0V4" for x in places)
         return (
             f'<path d="{_area(moment, curve.stamps, curve.rates)}" fill="#4b5160"/>'
             f'<path d="{ticks}" stroke="#aab0bd" stroke-width="1" vector-effect="non-scaling-stroke"/>'
         )
 
-    return ARRAYS.get(("strip", *plan_of(moment), moment.recording.span.stop), make, len)
+    return ARRAYS.get(("strip", *plan_of(moment), axis_of(moment)), make, len)
 
 
 def _area(moment: Moment, stamps: np.ndarray, rates: np.ndarray) -> str:
@@ -110,6 +119,8 @@ def _boxes(moment: Moment, ranges: Sequence[range], y: int, height: int, colour:
             continue
         left = place_of(moment, moment.windows[held.start].t_start)
         right = place_of(moment, moment.windows[min(held.stop - 1, last)].t_stop)
+        if right <= 0:
+            continue  # it has left a live recording
         width = max(right - left, 1.5)
         boxes.append(f'<rect x="{left:.1f}" y="{y}" width="{width:.1f}" height="{height}" fill="{colour}"/>')
     return "".join(boxes)
@@ -117,13 +128,14 @@ def _boxes(moment: Moment, ranges: Sequence[range], y: int, height: int, colour:
 
 def _seconds(moment: Moment) -> str:
     """Labels at round times since the first event."""
-    span = moment.recording.span
-    duration = span.duration / MICROSECONDS
+    axis = axis_of(moment)
+    duration, start = axis.duration / MICROSECONDS, (axis.start - moment.recording.span.start) / MICROSECONDS
     if duration <= 0:
         return ""
     step = nice_step(duration, _NUM_SECONDS)
     digits = max(0, min(3, -int(f"{step:e}".split("e")[1])))
-    labels = [_tick(i * step / duration, seconds(i * step, digits)) for i in range(int(duration / step + 1e-9) + 1)]
+    first, last = math.ceil(start / step - 1e-9), math.floor((start + duration) / step + 1e-9)
+    labels = [_tick((i * step - start) / duration, seconds(i * step, digits)) for i in range(first, last + 1)]
     return f'<div class="et-seconds">{"".join(labels)}</div>'
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import viser
 
 from app.html.choices import SPEEDS
+from app.html.live import live_line
 from app.state import intents as ask
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_press, on_visitor
@@ -51,25 +52,28 @@ class TimelinePanel(Panel):
         state = page.state
         assign(self._speed, _speed_words(state.speed, state.waits_for_frames))
         assign(self._loop, state.loops)
-        if state.is_playing != self._is_playing:
-            self._is_playing = state.is_playing
-            self._play.label = "Pause" if state.is_playing else "Play"
-            self._play.icon = viser.Icon.PLAYER_PAUSE if state.is_playing else viser.Icon.PLAYER_PLAY
-        if page.moment is None:
-            self._now.show("")
+        runs = state.is_playing or page.follows
+        if runs != self._is_playing:
+            self._is_playing = runs
+            self._play.label = "Pause" if runs else "Play"
+            self._play.icon = viser.Icon.PLAYER_PAUSE if runs else viser.Icon.PLAYER_PLAY
+        live = ""
+        if page.live is not None:
+            live = live_line(page.live, page.is_live, page.follows, page.gone, state.is_public)
+        moment = page.placed if page.moment is None else page.moment
+        if moment is None:
+            self._now.show(f'<div class="etv-now">{live}</div>' if live else "")
             self._strip.show(_WAITING)
             return
-        last = max(len(page.moment.windows) - 1, 1)
+        last = max(len(moment.windows) - 1, 1)
         if self._slider.max != last:
             # viser leaves a value beyond a smaller maximum where it is: bring it inside first.
             self._slider.value = min(self._slider.value, last)
             self._slider.max = last
         assign(self._slider, state.index)
-        assign(self._time, round(max(page.moment.seconds[1], 0.0), 3))
-        self._now.show(f'<div class="etv-now">{now_html(page.moment)}{timeline_key_html(page.moment)}</div>')
-        self._strip.show(
-            f'<div class="etv-strip">{timeline_html(page.moment, page.cached, over=page.over_timeline)}</div>'
-        )
+        assign(self._time, round(max(moment.seconds[1], 0.0), 3))
+        self._now.show(f'<div class="etv-now">{now_html(moment)}{live or timeline_key_html(moment)}</div>')
+        self._strip.show(f'<div class="etv-strip">{timeline_html(moment, page.cached, over=page.over_timeline)}</div>')
 
 
 def _speed_words(speed: float, waits_for_frames: bool) -> str:

@@ -1,0 +1,58 @@
+"""What the engine hands over: frames with what may be claimed of them."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.engine.playbacks import LoadedPlayback, is_exact
+from app.engine.queue import PendingRequest
+from app.engine.requests import FrameRequest, Ready, Reply
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from etnet.nets.attention import Attention
+
+_log = logging.getLogger(__name__)
+
+
+def ready_of(
+    loaded: LoadedPlayback,
+    request: FrameRequest,
+    frame: Tensor,
+    attention: Attention | None,
+    began: float,
+    is_approximate: bool = False,
+) -> Ready:
+    """A frame as it goes to visitors, with what may be claimed of it."""
+    return Ready(
+        request=request,
+        frame=_array(frame),
+        attention=attention,
+        milliseconds=(time.perf_counter() - began) * 1000,
+        is_exact=not is_approximate and loaded.playback.first == 0 and is_exact(loaded, request),
+        is_approximate=is_approximate,
+        is_cold=request.index - loaded.playback.first < loaded.warm_up,
+        contract=loaded.contract,
+        num_warm=min(request.index, loaded.warm_up) if is_approximate else request.index,
+        began_at=loaded.playback.first,
+    )
+
+
+def _array(frame: Tensor) -> Float32[np.ndarray, "h w"]:
+    array = frame[0, 0].float().cpu().numpy()
+    array.flags.writeable = False
+    return array
+
+
+def hand_over(turn: PendingRequest, reply: Reply) -> None:
+    """Hand a reply over; a visitor who cannot take it is no concern of the engine's."""
+    try:
+        turn.deliver(reply)
+    except Exception:
+        _log.info("a reply could not be delivered to %s", turn.visitor, exc_info=True)

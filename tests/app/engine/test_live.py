@@ -1,0 +1,63 @@
+"""The engine beside a live source: it keeps up, and says what a frame is that came from a cold start."""
+
+import time
+
+import numpy as np
+import torch
+
+from app.catalogue.cut import CutRecording
+from app.engine.requests import FrameRequest
+from etnet.live.buffer import Keep
+from etnet.playback.playback import Playback
+from tests.app.fakes import Inbox
+from tests.app.views.live.viewers import MODEL, live_viewer, replayed
+from tests.live.sources import wait_for
+
+
+def _request(viewer, index, model_id="etnet-half", **more):
+    return FrameRequest(viewer.feed.id, model_id, "fp32", viewer.feed.windows.policy, index, **more)
+
+
+def _cut(viewer, num):
+    wait_for(lambda: viewer.feed.windows is not None and len(viewer.feed.windows.kept) >= num, 30)
+
+
+def test_windows_go_on_while_nobody_looks_and_any_of_them_is_the_frame_of_a_plain_run():
+    with live_viewer() as viewer:
+        _cut(viewer, 12)
+        for index in (11, 3, 7):
+            inbox = Inbox()
+            viewer.engine.request("somebody", _request(viewer, index), inbox)
+            ready = inbox.ready(index)
+            assert ready.is_exact
+            recording = viewer.feed.recording()
+            plain = Playback(MODEL, recording, recording.cut)
+            assert torch.equal(plain.at(index).frame[0, 0], torch.from_numpy(np.array(ready.frame)))
+
+
+def test_a_network_that_comes_late_begins_cold_and_none_of_its_frames_is_called_exact():
+    with live_viewer(replayed(num_events=200_000), Keep(seconds=1.0)) as viewer:
+        wait_for(lambda: len(viewer.feed.recording().cut) > viewer.feed.recording().first_held > 0, 30)
+        inbox = Inbox()
+        late = next(entry.id for entry in viewer.catalogue.models() if entry.id != "etnet-half")
+        last = len(viewer.feed.recording().cut) - 1
+        viewer.engine.request("somebody", _request(viewer, last, late), inbox)
+        ready = inbox.ready(last)
+        assert not ready.is_exact
+        assert ready.began_at > 0
+        inbox = Inbox()
+        viewer.engine.request("another", _request(viewer, 0, late), inbox)
+        assert "gone: what came before" in inbox.failed().message
+
+
+def test_a_long_question_about_the_past_does_not_hold_up_the_source():
+    with live_viewer() as viewer:
+        _cut(viewer, 10)
+        inbox = Inbox()
+        viewer.engine.request("somebody", _request(viewer, 5, wants_attention=True), inbox)
+        ready = inbox.wait(lambda reply: getattr(reply, "attention", None) is not None)
+        assert ready.is_exact
+        before = len(viewer.feed.windows.kept)
+        time.sleep(0.3)
+        _cut(viewer, before + 3)
+        assert isinstance(viewer.feed.recording(), CutRecording)

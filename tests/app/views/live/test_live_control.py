@@ -1,0 +1,154 @@
+"""Who may record a live source and change its settings, and how its faults are said."""
+
+import asyncio
+import re
+from dataclasses import replace
+
+import pytest
+
+from app.config import ConfigError, LiveConfig, ViewerConfig
+from app.main import with_a_camera
+from app.state import intents as ask
+from etnet.errors import RecordingError
+from etnet.live.source import Packet, Setting
+from etnet.windows import ByCount
+from tests.app.stand_ins import Browser
+from tests.app.views.live.viewers import SENSOR, live_viewer, press, replayed
+from tests.strategies import make_events
+
+
+class SettableSource:
+    """A source with one bias; it ends with a fault when it is told to."""
+
+    name, format, sensor = "Stand-in 7", "made up", SENSOR
+
+    def __init__(self):
+        self.value, self.is_unplugged = 20, False
+        self.replay = replayed()
+
+    def packets(self, is_stopped):
+        for packet in self.replay.packets(is_stopped):
+            if self.is_unplugged:
+                self.is_unplugged = False
+                packet = replace(packet, notes=("Stand-in 7: unplugged; plug it in again",))
+            yield packet
+
+    def settings(self):
+        return (Setting("bias_diff", self.value, 0, 255),)
+
+    def change(self, name, value):
+        if value > 200:
+            raise RecordingError(f"{name}: {value} is more than the camera takes")
+        self.value = value
+
+    def close(self):
+        self.replay.close()
+
+
+def test_a_page_on_the_machine_itself_changes_a_bias_and_a_refusal_is_one_line():
+    source = SettableSource()
+
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown('data-testid="is-live"')
+            await press(browser, "tab:live")
+            await browser.until(lambda: any(p.get("label") == "bias diff" for p in browser.widgets.values()))
+            await browser.use(browser.widget("bias diff"), 33)
+            await browser.until(lambda: source.value == 33)
+            await browser.use(browser.widget("bias diff"), 250)
+            await browser.until_shown("250 is more than the camera takes")
+            source.is_unplugged = True
+            await browser.until(lambda: re.search(r'data-testid="live-news">Stand-in 7: unplugged', browser.html()))
+
+    with live_viewer(source) as viewer:
+        asyncio.run(visit(viewer))
+
+
+@pytest.mark.parametrize("how", [{"public_url": "https://show.example"}, {"is_demo": True}])
+def test_others_neither_record_nor_change_settings_but_they_look(tmp_path, monkeypatch, how):
+    monkeypatch.chdir(tmp_path)
+    source = SettableSource()
+
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown('data-testid="is-live"')
+            assert "live:record" not in browser.html()
+            await press(browser, "live:record")
+            await press(browser, "tab:live")
+            await asyncio.sleep(0.5)
+            assert all(props.get("label") != "bias diff" for props in browser.widgets.values())
+            assert viewer.feed.shown(None, False).recording is None
+
+    with live_viewer(source, **how) as viewer:
+        asyncio.run(visit(viewer))
+    assert list(tmp_path.iterdir()) == []
+    assert source.value == 20
+
+
+def test_the_demo_runs_on_the_live_recording_and_stands_still_for_the_place_it_points_at():
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown('data-act="events"', 30)
+            assert viewer.page.follows
+            assert viewer.page.state.recording_id == viewer.feed.id
+            await browser.until_shown('data-act="places"', 30)
+            await browser.until(lambda: not viewer.page.follows and viewer.page.state.query is not None)
+            await browser.until_shown('data-act="events"', 30)
+            await browser.until(lambda: viewer.page.follows)
+
+    with live_viewer(is_demo=True) as viewer:
+        asyncio.run(visit(viewer))
+
+
+def test_live_windows_are_never_planned_again_and_a_visitor_is_told_so():
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown('data-testid="is-live"')
+            session = next(iter(viewer.sessions.values()))
+            kept = viewer.page.state.policy
+            session._speak(ask.ChoosePolicy(ByCount(77)))
+            await browser.until(lambda: any("stay as they were cut" in str(notice) for notice in browser.notices))
+            await browser.until(lambda: viewer.page.state.policy == kept and viewer.page.moment is not None)
+
+    with live_viewer() as viewer:
+        asyncio.run(visit(viewer))
+
+
+def test_a_source_that_says_nothing_yet_is_waited_for_and_said():
+    class Silent(SettableSource):
+        def packets(self, is_stopped):
+            while not is_stopped():
+                yield Packet(make_events(0, SENSOR))
+                if self.value == 21:
+                    yield from self.replay.packets(is_stopped)
+                    return
+
+    source = Silent()
+
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown("no events yet")
+            assert browser.notices == []
+            source.value = 21
+            await browser.until(lambda: viewer.page.moment is not None)
+
+    with live_viewer(source) as viewer:
+        asyncio.run(visit(viewer))
+
+
+def test_live_alone_takes_the_one_camera():
+    assert with_a_camera(["--live"]) == ["--live", "camera"]
+    assert with_a_camera(["--live", "--port", "0"]) == ["--live", "camera", "--port", "0"]
+    assert with_a_camera(["--live", "davis346"]) == ["--live", "davis346"]
+    assert with_a_camera(["a.h5"]) == ["a.h5"]
+
+
+def test_what_does_not_go_with_live_is_refused_by_name(tmp_path):
+    with pytest.raises(ConfigError, match="add --live"):
+        ViewerConfig(source=LiveConfig(loop=True))
+    with pytest.raises(ConfigError, match="leave --roi"):
+        ViewerConfig(live="camera", roi="1,1,5,5")
+    with pytest.raises(RecordingError, match="no layout"):
+        ViewerConfig(live="camera", source=LiveConfig(record=tmp_path / "a.txt"))
+    with pytest.raises(RecordingError, match="--keep"):
+        ViewerConfig(live="camera", source=LiveConfig(keep="a lot"))
