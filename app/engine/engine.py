@@ -17,6 +17,7 @@ from app.engine.prefetch import Prefetcher
 from app.engine.queue import Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
+from app.engine.thumbnails import Thumbnails
 from etnet.errors import Cancelled, EtnetError, WindowError
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ class Engine:
         self._to_prepare: tuple[str, str] | None = None
         self._to_forget: list[str] = []
         self._recent = RecentFrames()
+        self._thumbnails = Thumbnails()
         self._is_stopping = False
         self._is_loading = False
         self._reports: dict[tuple[object, ...], CacheReport] = {}
@@ -130,6 +132,10 @@ class Engine:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
         return self._reports.get(request.playback)
 
+    def thumbnail(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
+        """A small copy of a request's exact frame, if it was computed lately."""
+        return self._thumbnails.find(request)
+
     def status(self, request: FrameRequest) -> EngineStatus:
         """How the engine fares with requests like this one."""
         pace = self._paces.get(request.playback)
@@ -159,7 +165,7 @@ class Engine:
         elif self._jobs.num_waiting:
             self._jobs.work(self._is_wanted_elsewhere)
         elif self._prefetcher is not None:
-            self._prefetcher.work(self._is_wanted_elsewhere, self._report)
+            self._prefetcher.work(self._is_wanted_elsewhere, self._note_prepared)
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()
@@ -232,6 +238,7 @@ class Engine:
         self._playbacks.forget(recording_id)
         self._jobs.forget(recording_id)
         self._recent.forget(recording_id)
+        self._thumbnails.forget(recording_id)
         self._forget_reports()
 
     def _preview(self, turn: PendingRequest, loaded: LoadedPlayback) -> None:
@@ -284,6 +291,8 @@ class Engine:
     def _finish(self, turn: PendingRequest, reply: Reply) -> None:
         if isinstance(reply, Ready):
             self._recent.keep(reply)
+            if not reply.is_approximate:
+                self._thumbnails.keep(reply.request, reply.frame)
         if self._book.settle(turn):
             _deliver(turn, reply)
 
@@ -302,6 +311,13 @@ class Engine:
             self._reports[request.playback] = loaded.playback.cached()
 
     # While nobody waits.
+
+    def _note_prepared(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
+        """Publish what was prepared; `request` is that of the window."""
+        self._report(request, loaded)
+        frame = loaded.playback.frame(request.index)
+        if frame is not None:
+            self._thumbnails.keep(request.plain, _array(frame))
 
     def _prepare_model(self) -> None:
         assert self._to_prepare is not None

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from jaxtyping import Float32
+
 from app.html.moment import ARRAYS, Moment
 from etnet.render.timeline import RateCurve, rate_curve
 
@@ -33,6 +36,19 @@ class NothingCached:
 
     frames: tuple[range, ...] = ()
     states: tuple[range, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hovered:
+    """What the pointer is over: a time (s since the first event), its window, and a small frame of it if one is held.
+
+    `key` tells the frame from every other.
+    """
+
+    seconds: float
+    index: int
+    frame: Float32[np.ndarray, "h w"] | None = None
+    key: tuple[object, ...] = ()
 
 
 def place_of(moment: Moment, t: float) -> float:

@@ -11,8 +11,8 @@ from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.html.moment import Moment
+from app.html.timeline_marks import curve_of
 from app.state.view_state import Limits
-from app.views.timeline.html import curve_of
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, plan_windows

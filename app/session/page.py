@@ -9,8 +9,9 @@ from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
 from app.engine.jobs import JobResult
+from app.engine.thumbnails import thumbnail_key
 from app.html.moment import Moment
-from app.html.timeline_marks import Cached
+from app.html.timeline_marks import Cached, Hovered
 from app.session.facts import facts_of
 from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
@@ -40,6 +41,7 @@ class PageComposer:
         cached: Cached | None,
         is_moving: bool,
         is_dragged: bool,
+        hovers_at: float | None = None,
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced; `is_dragged`: by a finger, not because it plays."""
         frames, catalogue = self.frames, self.catalogue
@@ -52,6 +54,7 @@ class PageComposer:
             cached,
             facts_of(catalogue.model(state.model_id)),
             self.engine.status(frames.request).step_milliseconds if frames.request else None,
+            self._hovered(state, moment, hovers_at),
             is_moving,
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.entries()),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
@@ -71,3 +74,12 @@ class PageComposer:
         return replace(
             page, over_timeline="".join(view.over_timeline(page) for view in opened), cloud=next(clouds, None)
         )
+
+    def _hovered(self, state: ViewState, moment: Moment | None, hovers_at: float | None) -> Hovered | None:
+        """The window under the pointer, and a small frame of it if one is held."""
+        request = self.frames.request
+        if hovers_at is None or moment is None or request is None:
+            return None
+        limits = self.loader.limits(state)
+        there = replace(request, index=limits.index_at(limits.start + round(hovers_at * 1e6)))
+        return Hovered(hovers_at, there.index, self.engine.thumbnail(there), thumbnail_key(there))

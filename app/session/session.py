@@ -23,7 +23,7 @@ from app.engine.engine import Engine
 from app.engine.jobs import Job
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
-from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
+from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
 from app.session.layout import build_layout
@@ -98,6 +98,8 @@ class Session:
         self._glanced_at = self._grown_at = 0.0
         self._cached: CacheReport | None = None
         self._offer: object = None
+        self._hovers_at: float | None = None
+        """Seconds on the timeline that the pointer is over."""
         self._showing = Visit(client, catalogue, default, views)
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, views, self._showing.is_public, ticket)
@@ -174,6 +176,8 @@ class Session:
                 self._answer(item)
             case Resized() | CanvasChanged():
                 pass
+            case Hover(seconds):
+                self._hovers_at = seconds
             case HandedOver(arrived):
                 if arrived:
                     self._answer(Touched())
@@ -314,6 +318,7 @@ class Session:
             self._cached,
             self._is_moving() or self._state.is_playing,
             self._is_moving(),
+            self._hovers_at,
         )
         self._layout.show(page)
         self._shown_index = self._state.index

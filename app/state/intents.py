@@ -6,7 +6,7 @@ What a person can ask of one view stands in that view's `state.py`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from app.engine.requests import Precision
 from app.state.view_state import Workspace
@@ -124,6 +124,29 @@ class SetLoop:
     """Whether playing starts over at the end."""
 
     loops: bool
+
+
+MarkName = Literal["a", "b"]
+
+
+@dataclass(frozen=True, slots=True)
+class MarkHere:
+    """Begin the marked stretch with the current window ("a"), or end it with that ("b")."""
+
+    mark: MarkName
+
+
+@dataclass(frozen=True, slots=True)
+class PutMark:
+    """Put a mark at so many seconds after the recording's first event."""
+
+    mark: MarkName
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClearMarks:
+    """Take both marks away: the stretch is the whole recording."""
 
 
 @dataclass(frozen=True, slots=True)

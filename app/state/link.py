@@ -23,7 +23,7 @@ LONGEST = 3500
 VERSION = 2
 _CARRIED = (
     "recording_id", "model_id", "precision", "policy", "workspace", "tab", "query", "speed",
-    "waits_for_frames", "views",
+    "waits_for_frames", "mark_a", "mark_b", "views",
 )  # fmt: skip
 _PLAIN = ViewState()
 

@@ -12,7 +12,7 @@ from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.html.cloud import EventCloud
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
-from app.html.timeline_marks import Cached
+from app.html.timeline_marks import Cached, Hovered
 from app.state.run import Run
 from app.state.view_state import ViewState
 from etnet.windows import Window
@@ -57,6 +57,8 @@ class Page:
     cached: Cached | None = None
     model: ModelFacts = field(default_factory=lambda: ModelFacts("no network"))
     step_milliseconds: float | None = None
+    hovered: Hovered | None = None
+    """Where on the timeline the pointer is."""
     is_moving: bool = False
     """A finger drags or the recording plays: what is drawn now is soon replaced."""
     recordings: tuple[Choice, ...] = ()
