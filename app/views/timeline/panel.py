@@ -34,6 +34,7 @@ class TimelinePanel(Panel):
         self._slider = gui.add_slider("Window", 0, 1, 1, 0)
         self._time = gui.add_number("Time (s)", 0.0, min=0.0, step=0.001)
         self._hovered = Html(gui, _NOTHING_HOVERED)
+        self._ruler = Html(gui, '<div class="etv-ruler"></div>')
         on_visitor(self._slider, lambda value: ask.Seek(int(value)), dispatch)
         on_visitor(self._time, lambda value: ask.SeekTime(float(value)), dispatch)
 
