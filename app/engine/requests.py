@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from etnet.events.denoise import UNCLEANED, Cleaning
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Policy

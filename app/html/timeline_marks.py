@@ -64,4 +64,4 @@ def curve_of(moment: Moment) -> RateCurve:
 
 def plan_of(moment: Moment) -> tuple[object, ...]:
     """What tells a plan of windows from every other; that of a video gets longer while it is looked at."""
-    return moment.recording_id, moment.policy, len(moment.windows)
+    return moment.recording_id, moment.policy, moment.cleaning, len(moment.windows)

@@ -37,9 +37,9 @@ class RecordingLoader:
     def moment(self, state: ViewState) -> Moment | None:
         """The window that the view asks for, if its recording is open and cut as it says."""
         held = self._of(state)
-        if held is None or held.policy != state.policy:
+        if held is None or held.policy != state.policy or held.plan.cleaning != state.cleaning:
             return None
-        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
+        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows, state.cleaning)
 
     def want(self, state: ViewState) -> None:
         """Begin to open what the view asks for, unless it is there, or was refused."""
@@ -71,9 +71,10 @@ class RecordingLoader:
             return (ask.RenameRecording(item.recording_id), ask.Settle(item.policy)), ""
         held = self._opened
         if held is not None and held.plan.recording_id == item.plan.recording_id:
-            if held.policy == item.plan.policy:
+            if (held.policy, held.plan.cleaning) == (item.plan.policy, item.plan.cleaning):
                 self._refused = item.plan  # a part that could not become whole stays what it is
-            return (ask.ChoosePolicy(held.policy),), item.message  # the windows that worked
+            # What worked: the windows and the filter as they were.
+            return (ask.ChooseCleaning(held.plan.cleaning), ask.ChoosePolicy(held.policy)), item.message
         self._opened, self._refused, self.trouble = None, item.plan, item.message
         return (), item.message
 
@@ -109,4 +110,4 @@ class RecordingLoader:
 
 
 def _plan_of(state: ViewState) -> Plan:
-    return Plan(whole_id(state.recording_id), state.policy)
+    return Plan(whole_id(state.recording_id), state.policy, state.cleaning)

@@ -336,9 +336,8 @@ class Session:
     def _ask(self, moment: Moment, runs: tuple[RunFrame, ...]) -> None:
         """The frame of the moment, those of the runs, and what the open views want computed."""
         state = self._state
-        request = FrameRequest(
-            state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
-        )
+        asked = state.recording_id, state.model_id, state.precision, moment.policy, state.index
+        request = FrameRequest(*asked, wants_attention=state.query is not None, cleaning=state.cleaning)
         for view in touched_views(state, self._views):
             request = view.change_request(view.of(state), request)
         if self._answers.ask(request):

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from app.engine.requests import Precision
 from app.state.view_state import Workspace
+from etnet.events.cleaning import Cleaning
 from etnet.windows import Policy
 
 Intent = Any
@@ -62,6 +63,13 @@ class ChoosePolicy:
     """Cut the events into other windows; the moment stays where it is in time. `None` takes what suits."""
 
     policy: Policy | None
+
+
+@dataclass(frozen=True, slots=True)
+class ChooseCleaning:
+    """Take noise out of the events first; the moment stays where it is in time. `Cleaning()` takes out none."""
+
+    cleaning: Cleaning
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Any
 from app.state import intents as ask
 from app.state.checks import checked
 from app.state.view_state import Limits, ViewState
+from etnet.events.cleaning import UNCLEANED
 from etnet.windows import Window
 
 SEARCHED = 5_000
@@ -109,7 +110,7 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             if recording_id == state.recording_id:
                 return state
             opened = replace(state, recording_id=recording_id, policy=None, query=None)
-            return replace(opened, index=0, moment=None, is_playing=False, mark_a=None, mark_b=None)
+            return replace(opened, index=0, moment=None, is_playing=False, mark_a=None, mark_b=None, cleaning=UNCLEANED)
         case ask.ReopenRecording(recording_id):
             return replace(state, recording_id=recording_id, moment=moment, is_playing=False)
         case ask.ChooseModel(model_id):
@@ -120,6 +121,10 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             if policy == state.policy:
                 return state
             return replace(state, policy=policy, moment=moment, is_playing=False)
+        case ask.ChooseCleaning(cleaning):
+            if cleaning == state.cleaning:
+                return state
+            return replace(state, cleaning=cleaning, moment=moment, is_playing=False)
         case ask.RenameRecording(recording_id):
             return replace(state, recording_id=recording_id)
         case ask.Settle(policy):

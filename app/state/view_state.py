@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, Protocol, TypeVar, get_args
 
 from app.engine.requests import Precision
 from app.state.checks import number, passing, text, whole
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -89,6 +90,8 @@ class ViewState:
     speed: float = number(0.1, 1e-4, 16.0)
     waits_for_frames: bool = False
     loops: bool = True
+    cleaning: Cleaning = UNCLEANED
+    """What is taken out of the events before anything is made of them."""
     mark_a: int | None = None
     """Stamp (µs, on the recording's clock) where the marked stretch begins; `None` is the recording's first event."""
     mark_b: int | None = None

@@ -188,7 +188,7 @@ def _examination(page: Page) -> JobResult | None:
 def _cut(page: Page) -> str:
     if page.moment is None:
         return ""
-    return excerpt_html(page.moment, page.state.of(RecordingState), page.results.get(TRIM_SLOT))
+    return excerpt_html(page.moment, page.state, page.results.get(TRIM_SLOT))
 
 
 def _doctor(page: Page) -> str:

@@ -4,7 +4,6 @@ import time
 
 import pytest
 import torch
-from app.engine.growth import grown_plan
 
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.catalogue.uploads import UploadLimits, Uploads

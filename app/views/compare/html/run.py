@@ -16,7 +16,7 @@ from app.state.run import Run
 from app.views.compare.state import CompareState
 from app.views.page import Page, RunFrame
 from app.views.reconstruction.state import tones_in
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
 from etnet.windows import Window
 
 NAMES = ("A", "B", "C", "D")
@@ -149,6 +149,8 @@ def cleaning_words(cleaning: Cleaning) -> str:
     """What is taken out."""
     parts = ["hot pixels"] if cleaning.hot_pixels else []
     if cleaning.support_within:
+        if cleaning.neighbours > 1:
+            return f"without {cleaning.text}"
         parts.append(f"what no neighbour supports within {milliseconds(cleaning.support_within / 1000)}")
     return f"without {' and '.join(parts)}" if parts else "events as recorded"
 
