@@ -350,6 +350,7 @@ def _ready(
     began: float,
     is_approximate: bool = False,
 ) -> Ready:
+    num_seen = loaded.num_seen(request.index)
     return Ready(
         request=request,
         frame=_array(frame),
@@ -357,9 +358,11 @@ def _ready(
         milliseconds=(time.perf_counter() - began) * 1000,
         is_exact=not is_approximate and is_exact(loaded, request),
         is_approximate=is_approximate,
-        is_cold=request.index < loaded.warm_up,
+        is_cold=num_seen < loaded.warm_up,
         contract=loaded.contract,
         num_warm=min(request.index, loaded.warm_up) if is_approximate else request.index,
+        num_seen=num_seen,
+        warm_up=loaded.warm_up,
     )
 
 

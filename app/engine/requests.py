@@ -76,7 +76,7 @@ class Ready:
 
     `milliseconds` is what this reply took (almost nothing for a cached frame). `is_exact`: equal, bit for bit, to the
     sequential run under `contract`. `is_approximate`: a preview from a cold start `num_warm` windows earlier.
-    `is_cold`: fewer windows lie behind this frame than the network needs to warm up.
+    `is_cold`: the state has seen `num_seen` of the `warm_up` windows that it needs (`app.engine.warmth`).
     """
 
     request: FrameRequest
@@ -88,6 +88,8 @@ class Ready:
     is_cold: bool
     contract: Contract
     num_warm: int
+    num_seen: int = 0
+    warm_up: int = 0
 
     @property
     def key(self) -> tuple[object, ...]:

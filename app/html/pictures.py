@@ -85,11 +85,9 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
         return ""
     total = working.total if working else 0
     share = working.done / total if working and total else 0.0
-    shown = "" if ready is None or ready.request.index == wanted else f"showing {count(ready.request.index)}, "
-    how_far = f" ({working.done} of {total})" if working and total else ""
-    text = (
-        working.message if working and not total and working.message else f"{shown}computing {count(wanted)}{how_far}"
-    )
+    shown = "" if ready is None or ready.request.index == wanted else f" · shows frame {count(ready.request.index)}"
+    how_far = f": warm-up {working.done} of {total}" if working and total else ": computing"
+    text = working.message if working and not total and working.message else f"Frame {count(wanted)}{how_far}{shown}"
     waits = "" if total else " et-bar-wait"
     return (
         f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>'
@@ -116,7 +114,8 @@ def badges(ready: Ready, tones: Tones) -> str:
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold:
-        found.append(chip("warming up", "plain", "Near the first window the network has seen too little to be sure"))
+        seen = f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "warming up"
+        found.append(chip(seen, "plain", "Near the first window the network has seen too little to be sure"))
     tone = _TONE_WORDS[resolve(tones.tone, tones.is_linear_light)]
     found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)} · {escape(tone)}</span>')
     return f'<div class="et-chips">{"".join(found)}</div>'

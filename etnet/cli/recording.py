@@ -49,10 +49,8 @@ def open_as_with_progress(path: Path, opened: OpenedAs) -> Recording:
     if opened.cleaning.changes_nothing:
         return recording
     filtered = cleaned(recording, opened.cleaning, closes=True)
-    share = removed_share(filtered)
-    console.print(
-        f"{recording.name}: the filter {opened.cleaning.text} removes {share:.1%} of the events", markup=False
-    )
+    said = f"{recording.name}: the filter {opened.cleaning.text} removes {removed_share(filtered):.1%} of the events"
+    console.print(said, markup=False, soft_wrap=True)
     return filtered
 
 

@@ -15,7 +15,7 @@ from etnet.events.examine import hot_pixels
 from etnet.events.pixel_counts import check_countable
 from etnet.events.recording import Recording, Remark, Span
 
-__all__ = ["MOST_EVENTS", "UNCLEANED", "Cleaning", "Support", "cleaned", "removed_share", "uncleaned"]
+__all__ = ["MOST_EVENTS", "UNCLEANED", "Cleaning", "Support", "cleaned", "num_masked", "removed_share", "uncleaned"]
 
 MOST_EVENTS = 20_000_000
 """A cleaned recording remembers which events stayed, 4 bytes each: 80 MB at this many."""
@@ -37,10 +37,11 @@ def cleaned(recording: Recording, cleaning: Cleaning, *, closes: bool = False) -
     if recording.growth is not None or recording.latest is not None:
         raise RecordingError(f"{recording.name}: more of it is still being made; filter it when all of it is there")
     check_countable(recording)
-    kept = np.concatenate([np.empty(0, np.uint32), *_kept(recording, cleaning)])
+    hot = _hot_mask(recording, cleaning)
+    kept = np.concatenate([np.empty(0, np.uint32), *_kept(recording, cleaning, hot)])
     if not len(kept):
         raise RecordingError(f"{recording.name}: no event is left after cleaning; filter less")
-    source = _KeptSource(recording, kept, recording.sensor, closes)
+    source = _KeptSource(recording, kept, recording.sensor, closes, int(hot.sum()))
     first, last = source.read(0, 1).t[0], source.read(len(kept) - 1, len(kept)).t[0]
     remark = Remark("detected", f"cleaned: {len(kept):,} of {recording.num_events:,} events stayed")
     return Recording(
@@ -63,6 +64,11 @@ def uncleaned(recording: Recording) -> Recording:
     return recording.source.inner if isinstance(recording.source, _KeptSource) else recording
 
 
+def num_masked(recording: Recording) -> int:
+    """The number of hot pixels that `cleaned` took out."""
+    return recording.source.num_masked if isinstance(recording.source, _KeptSource) else 0
+
+
 def removed_share(recording: Recording) -> float:
     """The share of events that `cleaned` took out, 0 … 1; 0 where it was not filtered."""
     return 1.0 - recording.num_events / max(uncleaned(recording).num_events, 1)
@@ -76,6 +82,7 @@ class _KeptSource:
     kept: UInt32[np.ndarray, " n"]
     sensor: Sensor
     closes: bool = False
+    num_masked: int = 0
 
     @property
     def num_events(self) -> int:
@@ -95,11 +102,17 @@ class _KeptSource:
             self.inner.close()
 
 
-def _kept(recording: Recording, cleaning: Cleaning) -> Iterator[UInt32[np.ndarray, " n"]]:
+def _hot_mask(recording: Recording, cleaning: Cleaning) -> Bool[np.ndarray, " pixels"]:
     hot = np.zeros(recording.sensor.num_pixels, bool)
     if cleaning.hot_pixels:
         for pixel in hot_pixels(recording):
             hot[pixel.y * recording.sensor.width + pixel.x] = True
+    return hot
+
+
+def _kept(
+    recording: Recording, cleaning: Cleaning, hot: Bool[np.ndarray, " pixels"]
+) -> Iterator[UInt32[np.ndarray, " n"]]:
     within, neighbours = cleaning.support_within, cleaning.neighbours
     supports = Support(recording.sensor, within, neighbours) if cleaning.support_within else None
     for start in range(0, recording.num_events, _BLOCK):

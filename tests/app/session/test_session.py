@@ -51,7 +51,7 @@ def test_the_event_view_follows_the_slider_while_the_model_is_busy(viewer):
         await browser.use(browser.widget("Window"), 25)
         await browser.until_shown("window 25 of 0 – 29")
         assert time.monotonic() - began < 5
-        await browser.until_shown("showing 0, computing 25 (14 of 19)")
+        await browser.until_shown("Frame 25: warm-up 14 of 19 · shows frame 0")
 
     try:
         visit(viewer, story, tab=21)

@@ -106,9 +106,8 @@ def test_windows_are_numbered_from_zero():
 def test_marks_are_put_by_key_and_by_hand_and_the_later_one_wins():
     moment = moment_of(ByDuration(100_000))
     limits = limits_of(moment)
-    state = reduced(
-        ViewState(policy=moment.policy, index=3), ask.MarkHere("a"), ask.Seek(6), ask.MarkHere("b"), limits=limits
-    )
+    state = ViewState(policy=moment.policy, index=3)
+    state = reduced(state, ask.MarkHere("a"), ask.Seek(6), ask.MarkHere("b"), limits=limits)
     assert (state.mark_a, state.mark_b) == (300_000, 700_000)
     assert limits.stretch(state.mark_a, state.mark_b) == range(3, 7)
     moved = reduced(state, parse("pick|mark:a:0,1.0|0.5|0|1", VIEWS), limits=limits)
