@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from app.state import intents as ask
+from etnet.errors import RecordingError
 from etnet.events.cleaning import parse_cleaning
 from etnet.windows import ByDensity
 
@@ -22,7 +23,10 @@ class FilterState:
 
 
 def hear(words: str) -> Any:
-    """A filter as `--filter` takes it ("hot,5ms,2", "none"), or the density that suits; else an error or `None`."""
+    """A filter as `--filter` takes it ("hot,5ms,2", "none"), or the density that suits; `None` for other words."""
     if words == "density":
         return ask.ChoosePolicy(ByDensity(SUITED_DENSITY))
-    return ask.ChooseCleaning(parse_cleaning(words))
+    try:
+        return ask.ChooseCleaning(parse_cleaning(words))
+    except RecordingError:
+        return None
