@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.errors import EtnetError
+from etnet.events.cleaning import parse_cleaning
 from etnet.events.opened_as import View
 from etnet.events.stated import Stated
 
@@ -70,6 +71,9 @@ class ViewerConfig:
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""
 
+    filter: str | None = None
+    """Take noise out first: hot, a time such as 5ms, both (hot,5ms), or with a neighbour count (hot,5ms,2)."""
+
     stated: Annotated[Stated, tyro.conf.arg(name="")] = field(default_factory=Stated)
     """Of FILE, and of what lies in --data."""
 
@@ -102,7 +106,7 @@ class ViewerConfig:
             raise ConfigError(f"--data {self.data}: there is no such folder")
         if self.views and self.is_open:
             raise ConfigError("--view runs your own code: it is not for --demo, --public-url or another --host")
-        _ = self.region, self.stated.assumptions()
+        _ = self.region, self.stated.assumptions(), parse_cleaning(self.filter)
 
     @property
     def region(self) -> tuple[int, int, int, int] | None:

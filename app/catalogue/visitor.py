@@ -76,6 +76,13 @@ class VisitorCatalogue:
         except CatalogueError:
             return False
 
+    def can_be_binned(self, recording_id: str) -> bool:
+        """Whether they may choose how its pixels are binned."""
+        try:
+            return self._shared.can_be_binned(self.entry(recording_id))
+        except CatalogueError:
+            return False
+
     def file_name(self, recording_id: str) -> str:
         """What a recording's file is called where its owner keeps it; empty for one that is gone."""
         try:

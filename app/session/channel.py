@@ -173,6 +173,8 @@ def _pressed(kind: str, words: str, views: Sequence[View]) -> Any:
             return AskHelp()
         case "open":
             return ask.OpenRecording(words)
+        case "reopen":
+            return ask.ReopenRecording(words)
         case "remove":
             return RemoveFile(words)
         case "workspace":

@@ -133,6 +133,19 @@ def build_layout(
     return Layout(views, panels, cards, folders, strip, gui.main_panel)
 
 
+def watch_canvas(client: viser.ClientHandle, hears: Callable[[], bool], tell: Callable[[], None]) -> None:
+    """Docks reach their width after the page is up, and windows are resized: the camera must fit."""
+    seen = round(client.camera.aspect, 2)
+
+    @client.camera.on_update
+    async def _(camera: viser.CameraHandle) -> None:
+        nonlocal seen
+        aspect = round(camera.aspect, 2)
+        if aspect != seen and hears():
+            seen = aspect
+            tell()
+
+
 def show_help(client: viser.ClientHandle) -> GuiModalHandle:
     """Keys and words of the page, in a window of their own."""
     with client.gui.add_modal("Shortcuts and glossary") as modal:

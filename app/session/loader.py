@@ -50,6 +50,15 @@ class RecordingLoader:
             self._opener.want(plan)
 
     @property
+    def recording_id(self) -> str | None:
+        """What is open, whatever the view asks for."""
+        return None if self._opened is None else self._opened.recording_id
+
+    def forget_refusal(self) -> None:
+        """The view asks for something else again: what was refused may be tried another time."""
+        self._refused, self.trouble = None, ""
+
+    @property
     def share(self) -> float | None:
         """How much of the current file is indexed by now; `None` where it is all there."""
         return None if self._opened is None else self._opened.share
@@ -75,7 +84,7 @@ class RecordingLoader:
                 self._refused = item.plan  # a part that could not become whole stays what it is
             # What worked: the windows and the filter as they were.
             return (ask.ChooseCleaning(held.plan.cleaning), ask.ChoosePolicy(held.policy)), item.message
-        self._opened, self._refused, self.trouble = None, item.plan, item.message
+        self._refused, self.trouble = item.plan, item.message  # what was open before stays, to return to
         return (), item.message
 
     def grow(self, state: ViewState) -> tuple[bool, Any | None]:

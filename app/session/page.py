@@ -65,6 +65,7 @@ class PageComposer:
             video=catalogue.film(state.recording_id),
             file_name=catalogue.file_name(state.recording_id),
             can_be_stated=catalogue.can_be_stated(state.recording_id),
+            can_be_binned=catalogue.can_be_binned(state.recording_id),
             uploads=None if self.uploads is None else self.uploads.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not is_dragged else "",
             areas=areas(state, self.views),

@@ -9,7 +9,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
@@ -20,13 +21,12 @@ from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
-from app.engine.jobs import Job
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
-from app.session.layout import build_layout
+from app.session.layout import build_layout, watch_canvas
 from app.session.loader import RecordingLoader
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item
 from app.session.opening import Opened, Opening, Unopened
@@ -35,13 +35,14 @@ from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply, VisitorRuns
 from app.session.saved_view import SavedView
 from app.session.visit import Shown, Visit
+from app.session.wanted import compared_runs, jobs_of, request_of
 from app.state import intents as ask
-from app.state.run import Run
 from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.page import Page, RunFrame
 from app.views.reduce import reduce_views
-from app.views.view import View, open_views, touched_views
+from app.views.view import View
+from etnet.errors import EtnetError
 
 if TYPE_CHECKING:
     from etnet.playback.playback import CacheReport
@@ -68,8 +69,15 @@ class Session:
         default: ViewState,
         desk: VisitorUploads | None = None,
         views: Sequence[View] = VIEWS,
+        follow_session: Callable[[str], ViewState | None] = lambda recording_id: None,
     ) -> None:
-        """`desk` holds the uploaded files; it is closed with the session."""
+        """`desk` holds the uploaded files; it is closed with the session.
+
+        `follow_session` gives the page of an uploaded session file, by its id, and `None` for a recording.
+        """
+        self._follow_session = follow_session
+        self._standing: ViewState | None = None
+        """The newest page that had its recording: where it returns to when another one cannot be opened."""
         self._client = client
         self._views = views
         self._desk = desk
@@ -104,7 +112,7 @@ class Session:
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, views, self._showing.is_public, ticket)
         self._arrange()
-        self._watch_canvas()
+        watch_canvas(client, self._showing.hears, lambda: self._mail.put(CanvasChanged()))
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
         self._thread: int | None = None
@@ -146,7 +154,9 @@ class Session:
                     self._advance()
             except Exception as error:  # what cannot be drawn must not end the visit
                 log.exception("%s: cannot draw", self._visitor)
-                self._notify("This could not be shown", f"{type(error).__name__}: {error}")
+                unknown = "Something went wrong; the log of the viewer says what."
+                what = str(error) if isinstance(error, EtnetError) else unknown
+                self._notify("This could not be shown", what)
                 self._is_dirty = False
 
     def _letters(self, patience: float) -> Iterator[Item]:
@@ -182,7 +192,7 @@ class Session:
                 if arrived:
                     self._answer(Touched())
                     self._has_asked = self._is_known = True
-                    self._reduce(ask.OpenRecording(arrived))
+                    self._open_handed(arrived)
             case RemoveFile(recording_id):
                 self._remove(recording_id)
             case Ready() | Working() | Failed():
@@ -201,6 +211,8 @@ class Session:
                 follows, trouble = self._held.take(item, self._state)
                 if trouble:
                     self._notify("Cannot be shown", trouble)
+                    if self._moment() is None and not follows:
+                        self._return()
                 for intent in follows:
                     self._reduce(intent)
             case _:
@@ -209,6 +221,29 @@ class Session:
                 if self._showing.permits(item):
                     self._reduce(item)
         self._is_dirty = True
+
+    def _open_handed(self, recording_id: str) -> None:
+        """A file has come: a recording is opened, a session is followed."""
+        try:
+            state = self._follow_session(recording_id)
+        except EtnetError as error:
+            self._notify("This session cannot be shown", str(error))
+            return
+        if state is None:
+            self._reduce(ask.OpenRecording(recording_id))
+            return
+        shown = self._state
+        self._state = replace(state, workspace=shown.workspace, tab=shown.tab, visit=shown.visit)
+        self._arrange()
+
+    def _return(self) -> None:
+        """Another recording could not be opened: the page is again what it was before."""
+        if self._standing is None or self._held.recording_id != self._standing.recording_id:
+            return
+        now = self._state
+        self._held.forget_refusal()
+        self._state = replace(self._standing, workspace=now.workspace, tab=now.tab, is_playing=False)
+        self._arrange()
 
     def _remove(self, recording_id: str) -> None:
         if self._desk is None:
@@ -308,7 +343,8 @@ class Session:
     def _push(self) -> None:
         moment, runs = self._moment(), ()
         if moment is not None:
-            runs = self._comparing.runs(self._state, self._compared(), moment, self._answers)
+            self._standing = self._state
+            runs = self._comparing.runs(self._state, compared_runs(self._state, self._views), moment, self._answers)
             self._ask(moment, runs)
         page = self._composer.page(
             self._state,
@@ -325,38 +361,21 @@ class Session:
         self._client.flush()
         self.drawn = time.monotonic(), page
 
-    def _compared(self) -> tuple[Run, ...] | None:
-        """The runs that an open view shows beside the main one."""
-        found = (view.runs(self._state) for view in open_views(self._state, self._views))
-        return next((runs for runs in found if runs is not None), None)
-
     def _moment(self) -> Moment | None:
         return self._held.moment(self._state)
 
     def _ask(self, moment: Moment, runs: tuple[RunFrame, ...]) -> None:
         """The frame of the moment, those of the runs, and what the open views want computed."""
         state = self._state
-        asked = state.recording_id, state.model_id, state.precision, moment.policy, state.index
-        request = FrameRequest(*asked, wants_attention=state.query is not None, cleaning=state.cleaning)
-        for view in touched_views(state, self._views):
-            request = view.change_request(view.of(state), request)
+        request = request_of(state, moment.policy, self._views)
         if self._answers.ask(request):
             self._engine.request(self._visitor, request, self._hear)
         self._comparing.ask(runs)
-        jobs = self._jobs(request, moment, runs)
+        jobs = jobs_of(state, request, moment, runs, self._views, self._num_seen)
         if self._is_moving() or state.is_playing:
             self._studying.keep(jobs)
         else:
             self._studying.want(jobs)
-
-    def _jobs(self, request: FrameRequest, moment: Moment, runs: tuple[RunFrame, ...]) -> dict[str, Job]:
-        jobs: dict[str, Job] = {}
-        for view in open_views(self._state, self._views):
-            jobs.update(view.jobs(self._state, request))
-            jobs.update(view.run_jobs(self._state, moment, runs, self._num_seen))
-        for view in touched_views(self._state, self._views):
-            jobs.update(view.background_jobs(self._state, request))
-        return jobs
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
@@ -371,18 +390,6 @@ class Session:
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
-
-    def _watch_canvas(self) -> None:
-        """Docks reach their width after the page is up, and windows are resized: the camera must fit."""
-        seen = round(self._client.camera.aspect, 2)
-
-        @self._client.camera.on_update
-        async def _(camera: viser.CameraHandle) -> None:
-            nonlocal seen
-            aspect = round(camera.aspect, 2)
-            if aspect != seen and self._showing.hears():
-                seen = aspect
-                self._mail.put(CanvasChanged())
 
 
 def _arrangement(state: ViewState) -> tuple[object, ...]:

@@ -81,6 +81,8 @@ class Page:
     """What the command line is told of the recording; empty for what it cannot open."""
     can_be_stated: bool = False
     """Whether the visitor may say of this recording what its file does not."""
+    can_be_binned: bool = False
+    """Whether the visitor may choose how its pixels are binned."""
     areas: Mapping[str, str] = field(default_factory=dict)
     """Where each card stands: "a" and "b" on the stage, "s1" … on the shelf."""
     cloud: Callable[[int], EventCloud] | None = None

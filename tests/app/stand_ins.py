@@ -65,6 +65,9 @@ class Shelf:
     def can_be_stated(self, entry):
         return False
 
+    def can_be_binned(self, entry):
+        return False
+
     def take_in(self, entry):
         self.private[entry.id] = entry
         self.recordings[entry.id] = recording(entry.title, seed=2)
@@ -139,6 +142,9 @@ class InstantEngine:
         self.jobs.append((visitor, slot, None))
 
     def cached(self, request):
+        return None
+
+    def thumbnail(self, request):
         return None
 
     def status(self, request):
