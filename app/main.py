@@ -17,6 +17,7 @@ import tyro
 
 from app.catalogue.folder import VIDEO_SUFFIXES
 from app.catalogue.recordings import Catalogue
+from app.catalogue.threads import THREADS
 from app.config import ViewerConfig
 from app.session_file import SUFFIX, config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
@@ -123,6 +124,7 @@ class Viewer:
         )
         self.port = self.server.get_port()
         if default.model_id:
+            THREADS.start(self.catalogue.look_at_files, "looking at files")
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
 
     @property

@@ -16,6 +16,7 @@ from threading import Lock
 from typing import Literal
 
 from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.models import ModelEntry, digest, offered_models
 from app.catalogue.part_id import known_as, whole_id
 from app.catalogue.recording_id import listed_id, stated_in, view_in
@@ -73,8 +74,10 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
+        self._is_closed = False
         self._private: dict[str, Entry] = {}
         self.films = Videos()
+        self.facts = ListedFacts()
         self.granted: dict[str, OpenedAs] = {}
         """Ids that are opened in this way, whoever comes in: those of the host's own session file."""
         self._scratch: TemporaryDirectory[str] | None = None
@@ -95,6 +98,11 @@ class Catalogue:
         if is_due:
             THREADS.start(self._look_beside, "watching")
         return self._entries
+
+    def look_at_files(self) -> None:
+        """Learn what the list says of files that can be opened in a moment. Called beside the page."""
+        files = [(entry.id, entry.path) for entry in self._entries if entry.remote is None]
+        self.facts.look(files, lambda: self._is_closed)
 
     def growing(self) -> tuple[str, ...]:
         """Names of files in the --data folder that are being written; they are offered once they rest."""
@@ -167,6 +175,7 @@ class Catalogue:
                 if entry.kind == "upload" and entry.id not in self._private:
                     raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
                 self._open[known_as(recording_id, recording)] = recording
+                self.facts.note(entry.id, recording)
                 while len(self._open) > KEPT_OPEN:
                     self._open.popitem(last=False)  # closed when its last user releases it
             return recording
@@ -204,6 +213,7 @@ class Catalogue:
 
     def close(self) -> None:
         """Close every recording that is kept open."""
+        self._is_closed = True
         self.films.close()
         with self._lock:
             kept, self._open = list(self._open.values()), OrderedDict()
@@ -232,7 +242,8 @@ class Catalogue:
                 whole = recording.sensor
                 recording.close()
                 recording = opened(view=self._config.view(factor))
-                text = f"binned {factor}×{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
+                binned = f"binned {factor}×{factor} of {whole}"
+                text = f"{binned} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError as error:
             raise under_its_name(error, entry) from error

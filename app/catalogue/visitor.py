@@ -25,6 +25,10 @@ class VisitorCatalogue:
         """Their own files first."""
         return (() if self._desk is None else self._desk.entries) + self._shared.entries()
 
+    def facts(self, entry: Entry) -> str:
+        """Sensor, duration and format of an entry, as far as they are known."""
+        return self._shared.facts.of(entry.id)
+
     def growing(self) -> tuple[str, ...]:
         """Names of files in the --data folder that are being written."""
         return self._shared.growing()

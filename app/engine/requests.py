@@ -90,6 +90,8 @@ class Ready:
     num_warm: int
     num_seen: int = 0
     warm_up: int = 0
+    is_former: bool = False
+    """It stands in: another network, filter or cut into windows made it than is asked for now, under other numbers."""
 
     @property
     def key(self) -> tuple[object, ...]:

@@ -69,7 +69,7 @@ def _runtime(ready: Ready | None) -> str:
 
 
 def _state(ready: Ready | None) -> str:
-    if ready is None:
+    if ready is None or ready.is_former:
         return ""
     if ready.is_approximate:
         return f"state: cold start {ready.num_warm} windows ago"

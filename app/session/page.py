@@ -42,6 +42,7 @@ class PageComposer:
         is_moving: bool,
         is_dragged: bool,
         hovers_at: float | None = None,
+        refused: str = "",
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced; `is_dragged`: by a finger, not because it plays."""
         frames, catalogue = self.frames, self.catalogue
@@ -56,7 +57,9 @@ class PageComposer:
             self.engine.status(frames.request).step_milliseconds if frames.request else None,
             self._hovered(state, moment, hovers_at),
             is_moving,
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.entries()),
+            tuple(
+                Choice(entry.id, entry.title, entry.subtitle, catalogue.facts(entry)) for entry in catalogue.entries()
+            ),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
             self.loader.trouble,
             catalogue.growing(),
@@ -69,6 +72,7 @@ class PageComposer:
             uploads=None if self.uploads is None else self.uploads.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not is_dragged else "",
             areas=areas(state, self.views),
+            refused=refused,
         )
         opened = open_views(state, self.views)
         clouds = (cloud for view in opened if (cloud := view.cloud(page)) is not None)

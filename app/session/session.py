@@ -34,6 +34,7 @@ from app.session.page import PageComposer
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply, VisitorRuns
 from app.session.saved_view import SavedView
+from app.session.standing import Standing
 from app.session.visit import Shown, Visit
 from app.session.wanted import compared_runs, jobs_of, request_of
 from app.state import intents as ask
@@ -76,8 +77,7 @@ class Session:
         `follow_session` gives the page of an uploaded session file, by its id, and `None` for a recording.
         """
         self._follow_session = follow_session
-        self._standing: ViewState | None = None
-        """The newest page that had its recording: where it returns to when another one cannot be opened."""
+        self._standing = Standing()
         self._client = client
         self._views = views
         self._desk = desk
@@ -211,8 +211,11 @@ class Session:
                 follows, trouble = self._held.take(item, self._state)
                 if trouble:
                     self._notify("Cannot be shown", trouble)
-                    if self._moment() is None and not follows:
-                        self._return()
+                    before = self._standing.returned(self._state, self._held.recording_id, trouble)
+                    if before is not None and not follows and self._moment() is None:
+                        self._held.forget_refusal()
+                        self._state = before
+                        self._arrange()
                 for intent in follows:
                     self._reduce(intent)
             case _:
@@ -234,15 +237,6 @@ class Session:
             return
         shown = self._state
         self._state = replace(state, workspace=shown.workspace, tab=shown.tab, visit=shown.visit)
-        self._arrange()
-
-    def _return(self) -> None:
-        """Another recording could not be opened: the page is again what it was before."""
-        if self._standing is None or self._held.recording_id != self._standing.recording_id:
-            return
-        now = self._state
-        self._held.forget_refusal()
-        self._state = replace(self._standing, workspace=now.workspace, tab=now.tab, is_playing=False)
         self._arrange()
 
     def _remove(self, recording_id: str) -> None:
@@ -343,7 +337,7 @@ class Session:
     def _push(self) -> None:
         moment, runs = self._moment(), ()
         if moment is not None:
-            self._standing = self._state
+            self._standing.note(self._state)
             runs = self._comparing.runs(self._state, compared_runs(self._state, self._views), moment, self._answers)
             self._ask(moment, runs)
         page = self._composer.page(
@@ -355,6 +349,7 @@ class Session:
             self._is_moving() or self._state.is_playing,
             self._is_moving(),
             self._hovers_at,
+            self._standing.refused,
         )
         self._layout.show(page)
         self._shown_index = self._state.index

@@ -25,6 +25,8 @@ class Choice:
     id: str
     title: str
     subtitle: str = ""
+    facts: str = ""
+    """What it is, as far as that is known: sensor, duration, format."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +83,8 @@ class Page:
     """What the command line is told of the recording; empty for what it cannot open."""
     can_be_stated: bool = False
     """Whether the visitor may say of this recording what its file does not."""
+    refused: str = ""
+    """Why another recording, asked for a moment ago, was not opened."""
     can_be_binned: bool = False
     """Whether the visitor may choose how its pixels are binned."""
     areas: Mapping[str, str] = field(default_factory=dict)
@@ -98,4 +102,5 @@ class Page:
     @property
     def lags(self) -> bool:
         """Whether the image belongs to another window than the one that is missed."""
-        return self.ready is not None and self.missed not in (None, self.ready.request.index)
+        ready = self.ready
+        return ready is not None and (ready.is_former or self.missed not in (None, ready.request.index))

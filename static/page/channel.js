@@ -254,14 +254,44 @@
   });
 
   // The list of recordings: what is typed leaves out what does not match; a choice, Escape or a click elsewhere closes it.
+  // The bar that holds it is drawn again and again: an open list stays open, where it was scrolled to, with what was typed.
   const list = () => document.querySelector(".etv-recordings[open]");
+  const sift = (rows, typed) => {
+    const words = typed.toLowerCase().split(" ");
+    for (const row of rows.querySelectorAll("button")) row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
+  };
+  const kept = { node: null, isOpen: false, top: 0, typed: "" };
   document.addEventListener("input", (event) => {
-    if (!event.target.closest?.(".etv-list")) return;
-    const words = event.target.value.toLowerCase().split(" ");
-    for (const row of event.target.closest(".etv-list").querySelectorAll("button")) {
-      row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
-    }
+    const rows = event.target.closest?.(".etv-list");
+    if (!rows) return;
+    kept.typed = event.target.value;
+    sift(rows, kept.typed);
   });
+  document.addEventListener("toggle", (event) => {
+    if (event.target !== kept.node) return;
+    kept.isOpen = event.target.open;
+    if (kept.isOpen) event.target.querySelector("input").focus();
+  }, true);
+  document.addEventListener("scroll", (event) => {
+    if (event.target.matches?.(".etv-list")) kept.top = event.target.scrollTop;
+  }, { capture: true, passive: true });
+  new MutationObserver(() => {
+    const node = document.querySelector(".etv-recordings");
+    if (!node || node === kept.node) return;
+    const hadFocus = document.activeElement === document.body;
+    kept.node = node;
+    if (!kept.isOpen) {
+      kept.typed = "";
+      return;
+    }
+    node.open = true;
+    const rows = node.querySelector(".etv-list");
+    const field = rows.querySelector("input");
+    field.value = kept.typed;
+    if (kept.typed) sift(rows, kept.typed);
+    rows.scrollTop = kept.top;
+    if (hadFocus) field.focus();
+  }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();
     if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) open.open = false;
@@ -318,6 +348,26 @@
       // a page that may keep nothing follows its address each time
     }
   };
+
+  // A server that does not answer is said in a sentence; once it answers again the page is loaded, and is where it was.
+  const lost = document.createElement("div");
+  lost.className = "etv-lost";
+  lost.setAttribute("role", "alert");
+  lost.hidden = true;
+  lost.textContent = "The viewer does not answer: it was stopped, or the connection is gone. This page returns by itself as soon as it is back.";
+  document.body.append(lost);
+  let misses = 0;
+  setInterval(async () => {
+    if (document.visibilityState !== "visible") return;
+    try {
+      await fetch("/static/icon.svg", { cache: "no-store", signal: AbortSignal.timeout(3000) });
+      if (misses >= 2) location.reload();
+      misses = 0;
+    } catch {
+      misses += 1;
+      lost.hidden = misses < 2;
+    }
+  }, 3500);
 
   document.title = "ET-Net viewer"; // viser sets its own once it runs
   place();

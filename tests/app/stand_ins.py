@@ -16,6 +16,7 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
+from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.models import ModelEntry
 from app.catalogue.recordings import CatalogueError, Entry
 from app.catalogue.uploads import Uploads
@@ -58,6 +59,7 @@ class Shelf:
         self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
         self.private = {}
         self.films = Videos()
+        self.facts = ListedFacts()
 
     def is_film(self, entry):
         return False

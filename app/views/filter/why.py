@@ -85,7 +85,7 @@ def _playback(page: Page) -> object:
 
 def _warm_up(page: Page, moment: Moment) -> Iterator[Finding]:
     ready = page.ready
-    if ready is None or not ready.is_cold or ready.request.index != moment.index:
+    if ready is None or ready.is_former or not ready.is_cold or ready.request.index != moment.index:
         return
     band, num_pixels = page.model.trained_band, moment.recording.sensor.num_pixels
     warm = first_warm(moment.windows, ready.warm_up, num_pixels, SPARSEST if band is None else band[0])
