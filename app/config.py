@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.errors import EtnetError
+from etnet.events.cleaning import parse_cleaning
 from etnet.events.opened_as import View
 from etnet.events.stated import Stated
 from etnet.live.buffer import Keep
@@ -99,6 +100,9 @@ class ViewerConfig:
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""
 
+    filter: str | None = None
+    """Take noise out first: hot, a time such as 5ms, both (hot,5ms), or with a neighbour count (hot,5ms,2)."""
+
     stated: Annotated[Stated, tyro.conf.arg(name="")] = field(default_factory=Stated)
     """Of FILE, and of what lies in --data."""
 
@@ -143,6 +147,7 @@ class ViewerConfig:
         if self.source.record is not None:
             check_recordable(self.source.record, overwrite=False)
         _ = self.region, self.stated.assumptions(), self.source.buffer(), self.source.options()
+        _ = parse_cleaning(self.filter)
 
     @property
     def region(self) -> tuple[int, int, int, int] | None:

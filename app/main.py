@@ -7,21 +7,28 @@ import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
 import tyro
 
+from app.catalogue.folder import VIDEO_SUFFIXES
 from app.catalogue.recordings import Catalogue
+from app.catalogue.threads import THREADS
 from app.config import ViewerConfig
-from app.session_file import config_of, session_in, view_of
+from app.session_file import SUFFIX, config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
-from etnet.errors import EtnetError
+from etnet.errors import EtnetError, RecordingError
+from etnet.events.cleaning import parse_cleaning
 
 if TYPE_CHECKING:
     import viser
 
     from app.catalogue.live import LiveFeed
+    from app.catalogue.visitor import VisitorCatalogue
     from app.session.session import Session
     from app.views.page import Page
     from etnet.export.session_file import Session as TakenSession
@@ -72,6 +79,17 @@ def open_feed(config: ViewerConfig) -> LiveFeed | None:
         raise
 
 
+def _check(file: Path | None) -> None:
+    """A path that no reader takes is told before anything is served; a video and a session are looked at later."""
+    if file is None or file.suffix.lower() in (SUFFIX, *VIDEO_SUFFIXES):
+        if file is not None and not file.exists():
+            raise RecordingError(f"{file}: there is no such file; give the path of a recording")
+        return
+    from etnet.events.open import check_recording
+
+    check_recording(file)
+
+
 class Viewer:
     """A running viewer: server, engine and catalogue of one configuration."""
 
@@ -89,9 +107,11 @@ class Viewer:
 
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
+        _check(config.file)
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
+        self._config = config
         own = own_views([*config.views, *views])
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
@@ -124,6 +144,7 @@ class Viewer:
         if self.live is not None:
             self.live.start()
         if default.model_id:
+            THREADS.start(self.catalogue.look_at_files, "looking at files")
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
 
     @property
@@ -163,7 +184,8 @@ class Viewer:
         try:
             is_host = not self._default.is_public and sits_here(self._address.public_url)
             seen = VisitorCatalogue(self.catalogue, desk, is_host)
-            session = Session(client, seen, self.engine, self._default, desk, self._views)
+            follow = partial(self._follow_session, self._config, seen, self._default)
+            session = Session(client, seen, self.engine, self._default, desk, self._views, follow)
         except BaseException:
             if desk is not None:
                 desk.close()
@@ -181,9 +203,23 @@ class Viewer:
             model_id=models[0].id if models else "",
             precision=config.precision,
         )
+        view = replace(view, cleaning=parse_cleaning(config.filter))
         if session is not None:
             view = view_of(session, view, models)
+            recording_id, opened = id_of(session, config, entries[0])
+            view = replace(view, recording_id=recording_id)
+            self.catalogue.granted[recording_id] = opened
         return public_view(view) if config.demo else view
+
+    def _follow_session(
+        self, config: ViewerConfig, catalogue: VisitorCatalogue, default: ViewState, recording_id: str
+    ) -> ViewState | None:
+        """The page of a session file that a visitor handed over; `None` for another file."""
+        path = catalogue.entry(recording_id).path
+        if path.suffix != SUFFIX:
+            return None
+        others = [entry for entry in catalogue.entries() if entry.id != recording_id]
+        return handed_over(path, others, default, catalogue.models(), config)
 
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""

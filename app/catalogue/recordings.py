@@ -17,17 +17,18 @@ from typing import Literal
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.live import LiveFeed
 from app.catalogue.models import ModelEntry, digest, offered_models
 from app.catalogue.part_id import known_as, whole_id
-from app.catalogue.recording_id import listed_id, stated_in
+from app.catalogue.recording_id import listed_id, stated_in, view_in
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
 from app.config import ViewerConfig
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
-from etnet.events.opened_as import WHOLE_VIEW
+from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Recording, Remark
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
@@ -77,8 +78,12 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
+        self._is_closed = False
         self._private: dict[str, Entry] = {}
         self.films = Videos()
+        self.facts = ListedFacts()
+        self.granted: dict[str, OpenedAs] = {}
+        """Ids that are opened in this way, whoever comes in: those of the host's own session file."""
         self._scratch: TemporaryDirectory[str] | None = None
         self._models = tuple(offered_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
@@ -108,6 +113,11 @@ class Catalogue:
             Entry(file.id, file.path.name, "recorded", f"recorded here, {file.num_events:,} events", file.path)
             for file in self.live.files()
         )
+
+    def look_at_files(self) -> None:
+        """Learn what the list says of files that can be opened in a moment. Called beside the page."""
+        files = [(entry.id, entry.path) for entry in self._entries if entry.remote is None]
+        self.facts.look(files, lambda: self._is_closed)
 
     def growing(self) -> tuple[str, ...]:
         """Names of files in the --data folder that are being written; they are offered once they rest."""
@@ -179,11 +189,12 @@ class Catalogue:
                 raise CatalogueError(
                     f"{entry.title}: this part of it is closed, for more of it is known; open it again"
                 )
-            recording = self._read(entry, self._stated(entry, recording_id), progress)
+            recording = self._read(entry, self._stated(entry, recording_id), self._view(entry, recording_id), progress)
             with self._lock:
                 if entry.kind == "upload" and entry.id not in self._private:
                     raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
                 self._open[known_as(recording_id, recording)] = recording
+                self.facts.note(entry.id, recording)
                 while len(self._open) > KEPT_OPEN:
                     self._open.popitem(last=False)  # closed when its last user releases it
             return recording
@@ -221,6 +232,7 @@ class Catalogue:
 
     def close(self) -> None:
         """Close every recording that is kept open."""
+        self._is_closed = True
         self.films.close()
         if self.live is not None:
             self.live.close()
@@ -232,7 +244,9 @@ class Catalogue:
         if scratch is not None:
             scratch.cleanup()
 
-    def _read(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> Recording:
+    def _read(
+        self, entry: Entry, stated: Assumptions, view: View | None, progress: Callable[[float], None] | None
+    ) -> Recording:
         from etnet.events.open import open_recording
 
         try:
@@ -245,15 +259,16 @@ class Catalogue:
                 path = fetch(entry.remote, progress=progress)
             if path.suffix.lower() in VIDEO_SUFFIXES:
                 path, told = self._seen(path, progress)
-            asked = self._config.downsample
+            asked = self._config.downsample if view is None else view.downsample
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
-            recording = opened(view=self._config.view(asked or 1))
+            recording = opened(view=self._config.view(asked or 1) if view is None else view)
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
                 whole = recording.sensor
                 recording.close()
                 recording = opened(view=self._config.view(factor))
-                text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
+                binned = f"binned {factor}×{factor} of {whole}"
+                text = f"{binned} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError as error:
             raise under_its_name(error, entry) from error
@@ -269,8 +284,23 @@ class Catalogue:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
         return _is_ones_own(entry) and not self._config.is_open
 
+    def can_be_binned(self, entry: Entry) -> bool:
+        """Whether a visitor may choose how its pixels are binned. Not where others come in: a large sensor is slow."""
+        return not self._config.is_open and not self.is_film(entry)
+
+    def _view(self, entry: Entry, recording_id: str) -> View | None:
+        """How it is seen, as its id says; `None` leaves that to the command line and to the size of the sensor."""
+        if recording_id in self.granted:
+            return self.granted[recording_id].view
+        view = view_in(recording_id)
+        if view is not None and self._config.is_open:
+            raise CatalogueError(f"{entry.title}: is seen here as the viewer chooses; open it without an option")
+        return view
+
     def _stated(self, entry: Entry, recording_id: str) -> Assumptions:
         """What is stated of a recording: in its id, else on the command line, which speaks of the files it names."""
+        if recording_id in self.granted:
+            return self.granted[recording_id].assumed
         said = stated_in(recording_id)
         if said != NOTHING_ASSUMED and not self.can_be_stated(entry):
             raise CatalogueError(f"{entry.title}: is taken at its word here; open it without a statement")

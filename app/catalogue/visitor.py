@@ -28,6 +28,10 @@ class VisitorCatalogue:
         """Their own files first."""
         return (() if self._desk is None else self._desk.entries) + self._shared.entries()
 
+    def facts(self, entry: Entry) -> str:
+        """Sensor, duration and format of an entry, as far as they are known."""
+        return self._shared.facts.of(entry.id)
+
     def growing(self) -> tuple[str, ...]:
         """Names of files in the --data folder that are being written."""
         return self._shared.growing()
@@ -76,6 +80,13 @@ class VisitorCatalogue:
         """Whether they may say of a recording what its file does not; not of one that is gone."""
         try:
             return self._shared.can_be_stated(self.entry(recording_id))
+        except CatalogueError:
+            return False
+
+    def can_be_binned(self, recording_id: str) -> bool:
+        """Whether they may choose how its pixels are binned."""
+        try:
+            return self._shared.can_be_binned(self.entry(recording_id))
         except CatalogueError:
             return False
 

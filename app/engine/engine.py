@@ -18,11 +18,14 @@ from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, Playback
 from app.engine.prefetch import Prefetcher
 from app.engine.queue import Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
-from app.engine.replies import hand_over, ready_of
+from app.engine.replies import array_of, hand_over, ready_of
 from app.engine.requests import Failed, FrameRequest, Precision, Ready, Reply, Working
+from app.engine.thumbnails import Thumbnails
 from etnet.errors import Cancelled, EtnetError, WindowError
 
 if TYPE_CHECKING:
+    from jaxtyping import Float32
+
     from etnet.playback.playback import CacheReport, Step
 
 QUANTUM = 0.4
@@ -73,6 +76,7 @@ class Engine:
         self._to_prepare: tuple[str, str] | None = None
         self._to_forget: list[str] = []
         self._recent = RecentFrames()
+        self._thumbnails = Thumbnails()
         self._is_stopping = False
         self._is_loading = False
         self._reports: dict[tuple[object, ...], CacheReport] = {}
@@ -136,6 +140,10 @@ class Engine:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
         return self._reports.get(request.playback)
 
+    def thumbnail(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
+        """A small copy of a request's exact frame, if it was computed lately."""
+        return self._thumbnails.find(request)
+
     def status(self, request: FrameRequest) -> EngineStatus:
         """How the engine fares with requests like this one."""
         pace = self._paces.get(request.playback)
@@ -171,7 +179,7 @@ class Engine:
         elif self._jobs.num_waiting:
             self._jobs.work(self._is_wanted_elsewhere)
         elif self._prefetcher is not None and not self._live_waits():
-            self._prefetcher.work(self._is_wanted_elsewhere, self._report)
+            self._prefetcher.work(self._is_wanted_elsewhere, self._note_prepared)
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()
@@ -258,6 +266,7 @@ class Engine:
         self._playbacks.forget(recording_id)
         self._jobs.forget(recording_id)
         self._recent.forget(recording_id)
+        self._thumbnails.forget(recording_id)
         self._forget_reports()
 
     def _preview(self, turn: PendingRequest, loaded: LoadedPlayback) -> None:
@@ -324,6 +333,8 @@ class Engine:
     def _finish(self, turn: PendingRequest, reply: Reply) -> None:
         if isinstance(reply, Ready):
             self._recent.keep(reply)
+            if not reply.is_approximate:
+                self._thumbnails.keep(reply.request, reply.frame)
         if self._book.settle(turn):
             hand_over(turn, reply)
 
@@ -342,6 +353,13 @@ class Engine:
             self._reports[request.playback] = loaded.playback.cached()
 
     # While nobody waits.
+
+    def _note_prepared(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
+        """Publish what was prepared; `request` is that of the window."""
+        self._report(request, loaded)
+        frame = loaded.playback.frame(request.index)
+        if frame is not None:
+            self._thumbnails.keep(request.plain, array_of(frame))
 
     def _prepare_model(self) -> None:
         assert self._to_prepare is not None

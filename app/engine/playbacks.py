@@ -17,6 +17,7 @@ from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
 from app.engine.denoised import cleaned_once
 from app.engine.requests import FrameRequest
+from app.engine.warmth import SPARSEST, windows_seen
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
 from etnet.nets.intervention import ORIGINAL, Intervention
@@ -93,8 +94,15 @@ class LoadedPlayback:
     expected_step: float
     """Estimated from a small trial before the first step, ms."""
     state_bytes: int = 0
+    sparsest: float = SPARSEST
+    """Events per pixel of a window that counts as a whole one while the state warms up."""
     branch: tuple[tuple[object, ...], Playback] | None = None
     """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
+
+    def num_seen(self, index: int) -> int:
+        """How far the state of a window is warmed up, 0 … `warm_up`."""
+        num_pixels = self.playback.recording.sensor.num_pixels
+        return windows_seen(self.windows, index, self.warm_up, num_pixels, self.sparsest)
 
     def playing(self, request: FrameRequest) -> tuple[Playback, Intervention]:
         """The playback in which a request's change is carried, and what is left to change when its frame is decoded."""
@@ -264,7 +272,10 @@ class PlaybackCache:
         playback = Playback(model, recording, windows, self._budget_bytes, first=min(first, len(windows) - 1))
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
-        return LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
+        loaded = LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
+        band = self._library.model(request.model_id).trained_band
+        loaded.sparsest = SPARSEST if band is None else band[0]
+        return loaded
 
     def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
         for key in keys:

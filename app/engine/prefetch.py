@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Literal
 
 from app.engine.playbacks import LoadedPlayback, PlaybackCache
@@ -48,7 +49,7 @@ class Prefetcher:
                 continue
             try:
                 _do(task, loaded, cancelled)
-                report(turn.request, loaded)
+                report(replace(turn.request, index=task[1]), loaded)
             except Cancelled:
                 pass
             except Exception:

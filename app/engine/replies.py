@@ -30,21 +30,25 @@ def ready_of(
     is_approximate: bool = False,
 ) -> Ready:
     """A frame as it goes to visitors, with what may be claimed of it."""
+    num_seen = loaded.num_seen(request.index)
     return Ready(
         request=request,
-        frame=_array(frame),
+        frame=array_of(frame),
         attention=attention,
         milliseconds=(time.perf_counter() - began) * 1000,
         is_exact=not is_approximate and loaded.playback.first == 0 and is_exact(loaded, request),
         is_approximate=is_approximate,
-        is_cold=request.index - loaded.playback.first < loaded.warm_up,
+        is_cold=num_seen < loaded.warm_up,
         contract=loaded.contract,
         num_warm=min(request.index, loaded.warm_up) if is_approximate else request.index,
         began_at=loaded.playback.first,
+        num_seen=num_seen,
+        warm_up=loaded.warm_up,
     )
 
 
-def _array(frame: Tensor) -> Float32[np.ndarray, "h w"]:
+def array_of(frame: Tensor) -> Float32[np.ndarray, "h w"]:
+    """A frame as a read-only array."""
     array = frame[0, 0].float().cpu().numpy()
     array.flags.writeable = False
     return array

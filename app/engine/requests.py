@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from etnet.events.denoise import UNCLEANED, Cleaning
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Policy
@@ -78,7 +78,7 @@ class Ready:
 
     `milliseconds` is what this reply took (almost nothing for a cached frame). `is_exact`: equal, bit for bit, to the
     sequential run under `contract`. `is_approximate`: a preview from a cold start `num_warm` windows earlier.
-    `is_cold`: fewer windows lie behind this frame than the network needs to warm up.
+    `is_cold`: the state has seen `num_seen` of the `warm_up` windows that it needs (`app.engine.warmth`).
     """
 
     request: FrameRequest
@@ -92,6 +92,10 @@ class Ready:
     num_warm: int
     began_at: int = 0
     """The window at which the memory was empty; above 0 where what came before has left a live buffer."""
+    num_seen: int = 0
+    warm_up: int = 0
+    is_former: bool = False
+    """It stands in: another network, filter or cut into windows made it than is asked for now, under other numbers."""
 
     @property
     def key(self) -> tuple[object, ...]:

@@ -22,6 +22,7 @@ _PATHS = {
     "cube": '<path d="M8 2 13.5 5v6L8 14 2.5 11V5zM2.5 5 8 8l5.5-3M8 8v6"/>',
     "front": '<rect x="3" y="4" width="10" height="8" rx="1"/>',
     "side": '<path d="M5 3v10M11 3v10M5 8h6"/>',
+    "info": '<circle cx="8" cy="8" r="6"/><path d="M8 7.3v4M8 4.800v.1"/>',
     "close": '<path d="M4 4l8 8M12 4l-8 8"/>',
     "code": '<path d="M5.5 4.5 2.5 8l3 3.500M10.5 4.500l3 3.5-3 3.5"/>',
     "pin": '<path d="M8 9.500V14M5 9.500h6L10 6V2.500H6V6z"/>',

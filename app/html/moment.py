@@ -11,6 +11,7 @@ from jaxtyping import Float32
 
 from app.catalogue.cut import CutRecording
 from app.engine.byte_cache import ByteCache
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Events
 from etnet.events.recording import Recording
 from etnet.voxel import voxel_array
@@ -33,11 +34,13 @@ class Moment:
     index: int
     recording: Recording = field(compare=False, repr=False)
     windows: Sequence[Window] = field(compare=False, repr=False)
+    cleaning: Cleaning = UNCLEANED
+    """What was taken out of the recording's events; `recording` has what is left."""
 
     @property
     def key(self) -> tuple[object, ...]:
         """What tells this moment from every other."""
-        return self.recording_id, self.policy, self.index
+        return self.recording_id, self.policy, self.index, self.cleaning
 
     @property
     def window(self) -> Window:

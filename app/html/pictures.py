@@ -82,7 +82,7 @@ def reconstruction_html(
         marks=marks,
         size=(width, height),
     )
-    lags = "et-lags" if wanted not in (None, ready.request.index) else ""
+    lags = "et-lags" if ready.is_former or wanted not in (None, ready.request.index) else ""
     return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones, badge))
 
 
@@ -92,16 +92,19 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
         return f'<div class="et-failed" role="alert" data-testid="failed">{escape(failed.message)}</div>'
     if wanted is None:
         return ""
-    is_there = ready is not None and ready.request.index == wanted and not ready.is_approximate
+    is_former = ready is not None and ready.is_former
+    is_there = ready is not None and ready.request.index == wanted and not ready.is_approximate and not is_former
     if is_there and working is None:
         return ""
     total = working.total if working else 0
     share = working.done / total if working and total else 0.0
-    shown = "" if ready is None or ready.request.index == wanted else f"showing {count(ready.request.index)}, "
-    how_far = f" ({working.done} of {total})" if working and total else ""
-    text = (
-        working.message if working and not total and working.message else f"{shown}computing {count(wanted)}{how_far}"
+    shown = (
+        ""
+        if ready is None or is_former or ready.request.index == wanted
+        else f" · shows frame {count(ready.request.index)}"
     )
+    how_far = f": warm-up {working.done} of {total}" if working and total else ": computing"
+    text = working.message if working and not total and working.message else f"Frame {count(wanted)}{how_far}{shown}"
     waits = "" if total else " et-bar-wait"
     return (
         f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>'
@@ -112,7 +115,9 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
 def badges(ready: Ready, tones: Tones, first: str = "") -> str:
     """What may be claimed of this frame, as small badges; `first` stands before them."""
     found = [first] if first else []
-    if ready.is_exact:
+    if ready.is_former:
+        found.append(chip("former settings", "warning", "Made with another network, filter or cut into windows"))
+    elif ready.is_exact:
         found.append(chip("exact", "exact", "Equal, bit for bit, to running every window from the first one on"))
     elif ready.is_approximate:
         found.append(
@@ -130,8 +135,9 @@ def badges(ready: Ready, tones: Tones, first: str = "") -> str:
         found.append(chip("from a cold start", "warning", why))
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
-    if ready.is_cold:
-        found.append(chip("warming up", "plain", "Near the first window the network has seen too little to be sure"))
+    if ready.is_cold and not ready.is_former:
+        seen = f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "warming up"
+        found.append(chip(seen, "plain", "Near the first window the network has seen too little to be sure"))
     tone = _TONE_WORDS[resolve(tones.tone, tones.is_linear_light)]
     found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)} · {escape(tone)}</span>')
     return f'<div class="et-chips">{"".join(found)}</div>'

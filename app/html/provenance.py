@@ -69,11 +69,13 @@ def _runtime(ready: Ready | None) -> str:
 
 
 def _state(ready: Ready | None) -> str:
-    if ready is None:
+    if ready is None or ready.is_former:
         return ""
     if ready.is_approximate:
         return f"state: cold start {ready.num_warm} windows ago"
-    return "state warming up" if ready.is_cold else "state warm"
+    if not ready.is_cold:
+        return "state warm"
+    return f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "state warming up"
 
 
 def density_html(value: float, band: tuple[float, float] | None) -> str:

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from jaxtyping import Float32
+
 from app.catalogue.cut import CutRecording
 from app.html.moment import ARRAYS, Moment
 from etnet.events.recording import Span
@@ -37,6 +40,19 @@ class NothingCached:
     states: tuple[range, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Hovered:
+    """What the pointer is over: a time (s since the first event), its window, and a small frame of it if one is held.
+
+    `key` tells the frame from every other.
+    """
+
+    seconds: float
+    index: int
+    frame: Float32[np.ndarray, "h w"] | None = None
+    key: tuple[object, ...] = ()
+
+
 def place_of(moment: Moment, t: float) -> float:
     """Where a stamp (µs) lies on the strip's linear axis, in its own measure; stamps outside stay at its ends."""
     span = axis_of(moment)
@@ -66,4 +82,4 @@ def curve_of(moment: Moment) -> RateCurve:
 
 def plan_of(moment: Moment) -> tuple[object, ...]:
     """What tells a plan of windows from every other; that of a video gets longer while it is looked at."""
-    return moment.recording_id, moment.policy, len(moment.windows)
+    return moment.recording_id, moment.policy, moment.cleaning, len(moment.windows)

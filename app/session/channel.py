@@ -72,8 +72,23 @@ class RemoveFile:
     recording_id: str
 
 
-Message = Hello | Resized | AskHelp | Touched | FollowLink | Copied | RemoveFile
-_KEYS: dict[str, Any] = {"comma": ask.Move(-1), "period": ask.Move(1), "question": AskHelp()}
+@dataclass(frozen=True, slots=True)
+class Hover:
+    """Where the pointer is over the timeline, in seconds since the first event; `None` where it has left it."""
+
+    seconds: float | None
+
+
+Message = Hover | Hello | Resized | AskHelp | Touched | FollowLink | Copied | RemoveFile
+_KEYS: dict[str, Any] = {
+    "comma": ask.Move(-1),
+    "period": ask.Move(1),
+    "left": ask.Move(-1),
+    "right": ask.Move(1),
+    "far-left": ask.Move(-10),
+    "far-right": ask.Move(10),
+    "question": AskHelp(),
+}
 
 
 def open_channel(gui: viser.GuiApi, hear: Callable[[Any], None], views: Sequence[View], ticket: str = "") -> None:
@@ -113,6 +128,8 @@ def parse(text: str, views: Sequence[View]) -> Any:
                 return _KEYS.get(name)
             case ["copied", is_done, _]:
                 return Copied(is_done == "1")
+            case ["hover", seconds, _]:
+                return Hover(_seconds(seconds))
             case ["touch", _]:
                 return Touched()
             case ["hello", tab, width, height, _]:
@@ -141,6 +158,10 @@ def _picked(key: str, u: float, v: float, views: Sequence[View]) -> Any:
         case "span":
             start, stop = (float(part) for part in words.split(","))
             return ask.SeekTime(start + u * (stop - start))
+        case "mark":
+            name, _, span = words.partition(":")
+            start, stop = (float(part) for part in span.split(","))
+            return ask.PutMark("a" if name == "a" else "b", start + u * (stop - start))
         case "goto":
             return ask.SeekTime(float(words))
     return _pressed(kind, words, views)
@@ -152,6 +173,8 @@ def _pressed(kind: str, words: str, views: Sequence[View]) -> Any:
             return AskHelp()
         case "open":
             return ask.OpenRecording(words)
+        case "reopen":
+            return ask.ReopenRecording(words)
         case "remove":
             return RemoveFile(words)
         case "workspace":
@@ -165,6 +188,11 @@ def _pressed(kind: str, words: str, views: Sequence[View]) -> Any:
             view, _, field = place.partition(".")
             return ask.Set(view, field, value, is_word=True)
     return next((view.hear(words) for view in views if view.name == kind), None)
+
+
+def _seconds(text: str) -> float | None:
+    seconds = float(text) if text else math.nan
+    return min(max(seconds, 0.0), 1e9) if math.isfinite(seconds) else None
 
 
 def _pixels(text: str) -> int:

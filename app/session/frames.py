@@ -24,6 +24,9 @@ class NewestFrames:
         if self.request is None or request.recording_id != self.request.recording_id:
             # Another recording's picture says nothing here; another model's or precision's may stand in for a while.
             self.ready = None
+        elif request.playback != self.request.playback and self.ready is not None:
+            # Its badge and its window's number are those of what was asked before.
+            self.ready = replace(self.ready, is_exact=False, is_former=True)
         is_changed = self.request is not None and self.ready is not None and request.change != self.ready.request.change
         if is_changed and self.ready is not None:
             # What is shown until the answer comes is not what the network, as it is changed now, gives.

@@ -34,6 +34,9 @@ COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
     ("Forward 10 windows", "pagedown", ask.Move(10)),
     ("First window", "home", ask.Seek(0)),
     ("Last window", "end", ask.Seek(10**9)),
+    ("Mark A here", "I", ask.MarkHere("a")),
+    ("Mark B here", "O", ask.MarkHere("b")),
+    ("Clear marks", "X", ask.ClearMarks()),
     ("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
     ("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
     ("Workspace: Compare", "3", ask.ShowWorkspace("compare")),
@@ -128,6 +131,19 @@ def build_layout(
         panels["timeline"].build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
     return Layout(views, panels, cards, folders, strip, gui.main_panel)
+
+
+def watch_canvas(client: viser.ClientHandle, hears: Callable[[], bool], tell: Callable[[], None]) -> None:
+    """Docks reach their width after the page is up, and windows are resized: the camera must fit."""
+    seen = round(client.camera.aspect, 2)
+
+    @client.camera.on_update
+    async def _(camera: viser.CameraHandle) -> None:
+        nonlocal seen
+        aspect = round(camera.aspect, 2)
+        if aspect != seen and hears():
+            seen = aspect
+            tell()
 
 
 def show_help(client: viser.ClientHandle) -> GuiModalHandle:

@@ -42,9 +42,9 @@ class RecordingLoader:
     def placed(self, state: ViewState) -> Moment | None:
         """The same, also where its events have left a live recording's buffer: it still has a place in time."""
         held = self._of(state)
-        if held is None or held.policy != state.policy:
+        if held is None or held.policy != state.policy or held.plan.cleaning != state.cleaning:
             return None
-        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows)
+        return Moment(state.recording_id, held.policy, state.index, held.recording, held.windows, state.cleaning)
 
     def said_gone(self, state: ViewState) -> str:
         """That the window's events have left the buffer, and what has; empty where they are there."""
@@ -62,6 +62,15 @@ class RecordingLoader:
         if (self.placed(state) is None or is_outgrown) and plan != self._refused:
             self._catalogue.looks_at(plan.recording_id)
             self._opener.want(plan)
+
+    @property
+    def recording_id(self) -> str | None:
+        """What is open, whatever the view asks for."""
+        return None if self._opened is None else self._opened.recording_id
+
+    def forget_refusal(self) -> None:
+        """The view asks for something else again: what was refused may be tried another time."""
+        self._refused, self.trouble = None, ""
 
     @property
     def share(self) -> float | None:
@@ -88,10 +97,11 @@ class RecordingLoader:
             return (), ""
         held = self._opened
         if held is not None and held.plan.recording_id == item.plan.recording_id:
-            if held.policy == item.plan.policy:
+            if (held.policy, held.plan.cleaning) == (item.plan.policy, item.plan.cleaning):
                 self._refused = item.plan  # a part that could not become whole stays what it is
-            return (ask.ChoosePolicy(held.policy),), item.message  # the windows that worked
-        self._opened, self._refused, self.trouble = None, item.plan, item.message
+            # What worked: the windows and the filter as they were.
+            return (ask.ChooseCleaning(held.plan.cleaning), ask.ChoosePolicy(held.policy)), item.message
+        self._refused, self.trouble = item.plan, item.message  # what was open before stays, to return to
         return (), item.message
 
     def grow(self, state: ViewState) -> tuple[bool, Any | None]:
@@ -128,4 +138,4 @@ class RecordingLoader:
 
 
 def _plan_of(state: ViewState) -> Plan:
-    return Plan(whole_id(state.recording_id), state.policy)
+    return Plan(whole_id(state.recording_id), state.policy, state.cleaning)

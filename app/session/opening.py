@@ -12,10 +12,12 @@ from app.catalogue.part_id import known_as
 from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
+from app.engine.denoised import cleaned_once
 from app.html.moment import Moment
+from app.html.timeline_marks import curve_of
 from app.state.view_state import Limits
-from app.views.timeline.html import curve_of
 from etnet.errors import EtnetError
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window
 
@@ -26,6 +28,7 @@ class Plan:
 
     recording_id: str
     policy: Policy | None
+    cleaning: Cleaning = UNCLEANED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +105,7 @@ class Opener:
     def _open(self, plan: Plan) -> None:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
+            recording = cleaned_once(recording, plan.cleaning)
             policy = suited_policy(recording) if plan.policy is None else plan.policy
             windows = windows_of(recording, policy)
             if len(windows) == 0:
@@ -109,7 +113,7 @@ class Opener:
             else:
                 opened = Opened(plan, policy, recording, windows)
                 # Of a large file it takes seconds: here, where nobody waits for it but who waits for the file.
-                curve_of(Moment(opened.recording_id, policy, 0, recording, windows))
+                curve_of(Moment(opened.recording_id, policy, 0, recording, windows, plan.cleaning))
                 self._tell(opened)
         except EtnetError as error:
             self._tell(Unopened(plan, str(error), isinstance(error, WaitingForEvents)))

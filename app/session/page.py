@@ -9,8 +9,9 @@ from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
 from app.engine.jobs import JobResult
+from app.engine.thumbnails import thumbnail_key
 from app.html.moment import Moment
-from app.html.timeline_marks import Cached
+from app.html.timeline_marks import Cached, Hovered
 from app.session.facts import facts_of
 from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
@@ -40,6 +41,8 @@ class PageComposer:
         cached: Cached | None,
         is_moving: bool,
         is_dragged: bool,
+        hovers_at: float | None = None,
+        refused: str = "",
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced; `is_dragged`: by a finger, not because it plays."""
         frames, catalogue, limits = self.frames, self.catalogue, self.loader.limits(state)
@@ -53,8 +56,11 @@ class PageComposer:
             cached,
             facts_of(catalogue.model(state.model_id)),
             self.engine.status(frames.request).step_milliseconds if frames.request else None,
+            self._hovered(state, moment, hovers_at),
             is_moving,
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.entries()),
+            tuple(
+                Choice(entry.id, entry.title, entry.subtitle, catalogue.facts(entry)) for entry in catalogue.entries()
+            ),
             tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
             self.loader.said_gone(state) or self.loader.trouble,
             catalogue.growing(),
@@ -63,6 +69,7 @@ class PageComposer:
             video=catalogue.film(state.recording_id),
             file_name=catalogue.file_name(state.recording_id),
             can_be_stated=catalogue.can_be_stated(state.recording_id),
+            can_be_binned=catalogue.can_be_binned(state.recording_id),
             uploads=None if self.uploads is None else self.uploads.shown,
             link=to_link(state, moment.window.t_stop) if moment is not None and not is_dragged else "",
             areas=areas(state, self.views),
@@ -71,6 +78,7 @@ class PageComposer:
             is_live=limits.is_live,
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
+            refused=refused,
         )
         opened = open_views(state, self.views)
         marking = dict.fromkeys((*opened, *changing_views(state, self.views)))
@@ -78,3 +86,12 @@ class PageComposer:
         return replace(
             page, over_timeline="".join(view.over_timeline(page) for view in marking), cloud=next(clouds, None)
         )
+
+    def _hovered(self, state: ViewState, moment: Moment | None, hovers_at: float | None) -> Hovered | None:
+        """The window under the pointer, and a small frame of it if one is held."""
+        request = self.frames.request
+        if hovers_at is None or moment is None or request is None:
+            return None
+        limits = self.loader.limits(state)
+        there = replace(request, index=limits.index_at(limits.start + round(hovers_at * 1e6)))
+        return Hovered(hovers_at, there.index, self.engine.thumbnail(there), thumbnail_key(there))

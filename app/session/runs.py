@@ -24,7 +24,8 @@ from app.state.run import Run
 from app.state.view_state import Limits, ViewState
 from app.views.page import RunFrame
 from etnet.errors import EtnetError, WindowError
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
+from etnet.events.denoise import uncleaned
 from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, from_window
 
@@ -151,7 +152,8 @@ class VisitorRuns:
         except EtnetError as error:
             return RunFrame(number, run, None, None, 0, ModelFacts(""), WARM_UP, trouble=str(error))
         facts, warm_up = facts_of(entry), entry.warm_up or WARM_UP
-        plan = RunPlan(state.recording_id, run.policy or moment.policy, run.cleaning, run.cold_from)
+        cleaning = state.cleaning if run.cleaning is None else run.cleaning
+        plan = RunPlan(state.recording_id, run.policy or moment.policy, cleaning, run.cold_from)
         planned = self._planned(plan, moment)
         if planned is None or planned.trouble:
             trouble = planned.trouble if planned else ""
@@ -165,7 +167,7 @@ class VisitorRuns:
             run.precision or state.precision,
             plan.policy,
             index,
-            cleaning=run.cleaning,
+            cleaning=cleaning,
             cold_at=planned.cold_at,
         )
         if number == 0 and answers.request is not None and answers.request.index == index:
@@ -181,14 +183,14 @@ class VisitorRuns:
 
     def _planned(self, plan: RunPlan, moment: Moment) -> RunPlanned | None:
         """The windows of a plan, if they are there; otherwise they are planned beside the page."""
-        if plan == RunPlan(moment.recording_id, moment.policy, Cleaning(), None):
+        if plan == RunPlan(moment.recording_id, moment.policy, moment.cleaning, None):
             return RunPlanned(plan, moment.windows)
         if plan in self._plans:
             self._plans.move_to_end(plan)
             return self._plans[plan]
         if plan not in self._planning:
             self._planning.add(plan)
-            THREADS.start(partial(self._plan, plan, moment.recording), "planning")
+            THREADS.start(partial(self._plan, plan, uncleaned(moment.recording)), "planning")
         return None
 
     def _plan(self, plan: RunPlan, recording: Recording) -> None:

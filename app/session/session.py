@@ -9,7 +9,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
@@ -20,13 +21,12 @@ from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
-from app.engine.jobs import Job
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
-from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched
+from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
-from app.session.layout import build_layout
+from app.session.layout import build_layout, watch_canvas
 from app.session.loader import RecordingLoader
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item
 from app.session.opening import Opened, Opening, Unopened
@@ -34,14 +34,16 @@ from app.session.page import PageComposer
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply, VisitorRuns
 from app.session.saved_view import SavedView
+from app.session.standing import Standing
 from app.session.visit import Shown, Visit
+from app.session.wanted import compared_runs, jobs_of, request_of
 from app.state import intents as ask
-from app.state.run import Run
 from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.page import Page, RunFrame
 from app.views.reduce import reduce_views
-from app.views.view import View, open_views, touched_views
+from app.views.view import View
+from etnet.errors import EtnetError
 
 if TYPE_CHECKING:
     from etnet.playback.playback import CacheReport
@@ -68,8 +70,14 @@ class Session:
         default: ViewState,
         desk: VisitorUploads | None = None,
         views: Sequence[View] = VIEWS,
+        follow_session: Callable[[str], ViewState | None] = lambda recording_id: None,
     ) -> None:
-        """`desk` holds the uploaded files; it is closed with the session."""
+        """`desk` holds the uploaded files; it is closed with the session.
+
+        `follow_session` gives the page of an uploaded session file, by its id, and `None` for a recording.
+        """
+        self._follow_session = follow_session
+        self._standing = Standing()
         self._client = client
         self._views = views
         self._desk = desk
@@ -98,11 +106,13 @@ class Session:
         self._glanced_at = self._grown_at = 0.0
         self._cached: CacheReport | None = None
         self._offer: object = None
+        self._hovers_at: float | None = None
+        """Seconds on the timeline that the pointer is over."""
         self._showing = Visit(client, catalogue, default, views)
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, views, self._showing.is_public, ticket)
         self._arrange()
-        self._watch_canvas()
+        watch_canvas(client, self._showing.hears, lambda: self._mail.put(CanvasChanged()))
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
         self._thread: int | None = None
@@ -147,7 +157,9 @@ class Session:
                     self._is_dirty = True  # it left a live recording while it was drawn: that is drawn next
                     continue
                 log.exception("%s: cannot draw", self._visitor)
-                self._notify("This could not be shown", f"{type(error).__name__}: {error}")
+                unknown = "Something went wrong; the log of the viewer says what."
+                what = str(error) if isinstance(error, EtnetError) else unknown
+                self._notify("This could not be shown", what)
                 self._is_dirty = False
 
     def _letters(self, patience: float) -> Iterator[Item]:
@@ -177,11 +189,13 @@ class Session:
                 self._answer(item)
             case Resized() | CanvasChanged():
                 pass
+            case Hover(seconds):
+                self._hovers_at = seconds
             case HandedOver(arrived):
                 if arrived:
                     self._answer(Touched())
                     self._has_asked = self._is_known = True
-                    self._reduce(ask.OpenRecording(arrived))
+                    self._open_handed(arrived)
             case RemoveFile(recording_id):
                 self._remove(recording_id)
             case Ready() | Working() | Failed():
@@ -200,6 +214,11 @@ class Session:
                 follows, trouble = self._held.take(item, self._state)
                 if trouble:
                     self._notify("Cannot be shown", trouble)
+                    before = self._standing.returned(self._state, self._held.recording_id, trouble)
+                    if before is not None and not follows and self._moment() is None:
+                        self._held.forget_refusal()
+                        self._state = before
+                        self._arrange()
                 for intent in follows:
                     self._reduce(intent)
             case _:
@@ -210,6 +229,20 @@ class Session:
                         view.perform(item, self._catalogue)
                     self._reduce(item)
         self._is_dirty = True
+
+    def _open_handed(self, recording_id: str) -> None:
+        """A file has come: a recording is opened, a session is followed."""
+        try:
+            state = self._follow_session(recording_id)
+        except EtnetError as error:
+            self._notify("This session cannot be shown", str(error))
+            return
+        if state is None:
+            self._reduce(ask.OpenRecording(recording_id))
+            return
+        shown = self._state
+        self._state = replace(state, workspace=shown.workspace, tab=shown.tab, visit=shown.visit)
+        self._arrange()
 
     def _remove(self, recording_id: str) -> None:
         if self._desk is None:
@@ -313,7 +346,8 @@ class Session:
     def _push(self) -> None:
         moment, runs = self._moment(), ()
         if moment is not None:
-            runs = self._comparing.runs(self._state, self._compared(), moment, self._answers)
+            self._standing.note(self._state)
+            runs = self._comparing.runs(self._state, compared_runs(self._state, self._views), moment, self._answers)
             self._ask(moment, runs)
         page = self._composer.page(
             self._state,
@@ -323,16 +357,13 @@ class Session:
             self._cached,
             self._is_moving() or self._state.is_playing or self._follows(),
             self._is_moving(),
+            self._hovers_at,
+            self._standing.refused,
         )
         self._layout.show(page)
         self._shown_index = self._state.index
         self._client.flush()
         self.drawn = time.monotonic(), page
-
-    def _compared(self) -> tuple[Run, ...] | None:
-        """The runs that an open view shows beside the main one."""
-        found = (view.runs(self._state) for view in open_views(self._state, self._views))
-        return next((runs for runs in found if runs is not None), None)
 
     def _moment(self) -> Moment | None:
         return self._held.moment(self._state)
@@ -340,28 +371,15 @@ class Session:
     def _ask(self, moment: Moment, runs: tuple[RunFrame, ...]) -> None:
         """The frame of the moment, those of the runs, and what the open views want computed."""
         state = self._state
-        request = FrameRequest(
-            state.recording_id, state.model_id, state.precision, moment.policy, state.index, state.query is not None
-        )
-        for view in touched_views(state, self._views):
-            request = view.change_request(view.of(state), request)
+        request = request_of(state, moment.policy, self._views)
         if self._answers.ask(request):
             self._engine.request(self._visitor, request, self._hear)
         self._comparing.ask(runs)
-        jobs = self._jobs(request, moment, runs)
+        jobs = jobs_of(state, request, moment, runs, self._views, self._num_seen)
         if self._is_moving() or state.is_playing:
             self._studying.keep(jobs)
         else:
             self._studying.want(jobs)
-
-    def _jobs(self, request: FrameRequest, moment: Moment, runs: tuple[RunFrame, ...]) -> dict[str, Job]:
-        jobs: dict[str, Job] = {}
-        for view in open_views(self._state, self._views):
-            jobs.update(view.jobs(self._state, request))
-            jobs.update(view.run_jobs(self._state, moment, runs, self._num_seen))
-        for view in touched_views(self._state, self._views):
-            jobs.update(view.background_jobs(self._state, request))
-        return jobs
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
@@ -376,18 +394,6 @@ class Session:
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
-
-    def _watch_canvas(self) -> None:
-        """Docks reach their width after the page is up, and windows are resized: the camera must fit."""
-        seen = round(self._client.camera.aspect, 2)
-
-        @self._client.camera.on_update
-        async def _(camera: viser.CameraHandle) -> None:
-            nonlocal seen
-            aspect = round(camera.aspect, 2)
-            if aspect != seen and self._showing.hears():
-                seen = aspect
-                self._mail.put(CanvasChanged())
 
 
 def _arrangement(state: ViewState) -> tuple[object, ...]:

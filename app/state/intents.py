@@ -6,10 +6,11 @@ What a person can ask of one view stands in that view's `state.py`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from app.engine.requests import Precision
 from app.state.view_state import Workspace
+from etnet.events.cleaning import Cleaning
 from etnet.windows import Policy
 
 Intent = Any
@@ -62,6 +63,13 @@ class ChoosePolicy:
     """Cut the events into other windows; the moment stays where it is in time. `None` takes what suits."""
 
     policy: Policy | None
+
+
+@dataclass(frozen=True, slots=True)
+class ChooseCleaning:
+    """Take noise out of the events first; the moment stays where it is in time. `Cleaning()` takes out none."""
+
+    cleaning: Cleaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +137,29 @@ class SetLoop:
     """Whether playing starts over at the end."""
 
     loops: bool
+
+
+MarkName = Literal["a", "b"]
+
+
+@dataclass(frozen=True, slots=True)
+class MarkHere:
+    """Begin the marked stretch with the current window ("a"), or end it with that ("b")."""
+
+    mark: MarkName
+
+
+@dataclass(frozen=True, slots=True)
+class PutMark:
+    """Put a mark at so many seconds after the recording's first event."""
+
+    mark: MarkName
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClearMarks:
+    """Take both marks away: the stretch is the whole recording."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,8 @@ LONGEST = 3500
 """Characters of a link's value that are looked at; one of ours has about 300, with four runs 1,000."""
 VERSION = 2
 _CARRIED = (
-    "recording_id", "model_id", "precision", "policy", "workspace", "tab", "query", "speed",
-    "waits_for_frames", "views",
+    "recording_id", "model_id", "precision", "policy", "cleaning", "workspace", "tab", "query", "speed",
+    "waits_for_frames", "mark_a", "mark_b", "views",
 )  # fmt: skip
 _PLAIN = ViewState()
 

@@ -10,6 +10,7 @@ from typing import Any
 from app.state import intents as ask
 from app.state.checks import checked
 from app.state.view_state import LARGEST_INDEX, Limits, ViewState
+from etnet.events.cleaning import UNCLEANED
 from etnet.windows import Window
 
 SEARCHED = 5_000
@@ -22,6 +23,7 @@ def reduce_shared(state: ViewState, intent: Any, limits: Limits) -> ViewState:
         state = replace(state, is_playing=False)
     return (
         _reduce_playback(state, intent, limits)
+        or _reduce_marks(state, intent, limits)
         or _reduce_recording(state, intent, limits)
         or _reduce_page(state, intent, limits)
         or state
@@ -45,9 +47,10 @@ def _reduce_playback(state: ViewState, intent: Any, limits: Limits) -> ViewState
         case ask.TogglePlay() if limits.is_live and state.follows_newest:
             return replace(state, follows_newest=False, is_playing=False)
         case ask.TogglePlay():
-            is_at_end = limits.windows is not None and state.index >= len(limits.windows) - 1
-            restarts = not state.is_playing and is_at_end and not limits.is_growing
-            return replace(state, index=0 if restarts else state.index, is_playing=not state.is_playing)
+            stretch = _stretch(state, limits)
+            is_at_end = bool(stretch) and (state.index == stretch[-1] or state.index >= len(limits.windows or ()) - 1)
+            restarts = not state.is_playing and is_at_end and not (limits.is_growing and state.mark_b is None)
+            return replace(state, index=stretch[0] if restarts else state.index, is_playing=not state.is_playing)
         case ask.PlayTo(index):
             return _played_to(state, index, limits)
         case ask.ChooseSpeed(speed, waits_for_frames):
@@ -71,15 +74,54 @@ def _following(state: ViewState, limits: Limits) -> ViewState:
     return replace(state, index=limits.clamp_index(LARGEST_INDEX), is_playing=False, follows_newest=True)
 
 
+def _stretch(state: ViewState, limits: Limits) -> range:
+    """The windows between the marks."""
+    return limits.stretch(state.mark_a, state.mark_b)
+
+
 def _played_to(state: ViewState, index: int, limits: Limits) -> ViewState:
+    """Playing that comes from between the marks ends, or begins again, at the second one."""
     if not state.is_playing:
         return state
-    is_past = limits.windows is not None and index >= len(limits.windows) and not limits.is_growing
+    stretch = _stretch(state, limits)
+    ends_at_mark = state.mark_b is not None and bool(stretch) and state.index <= stretch[-1]
+    num_windows = 0 if limits.windows is None else len(limits.windows)
+    is_past = (
+        index > stretch[-1]
+        if ends_at_mark
+        else limits.windows is not None and index >= num_windows and not limits.is_growing
+    )
     if is_past and state.loops:
-        return replace(state, index=0)
-    if limits.is_live and limits.windows is not None and index >= len(limits.windows):
+        return replace(state, index=stretch[0] if stretch else 0)
+    if limits.is_live and not ends_at_mark and index >= num_windows:
         return _following(state, limits)
-    return replace(state, index=limits.clamp_index(index), is_playing=not is_past)
+    last = stretch[-1] if ends_at_mark and is_past else limits.clamp_index(index)
+    return replace(state, index=last, is_playing=not is_past)
+
+
+def _reduce_marks(state: ViewState, intent: Any, limits: Limits) -> ViewState | None:
+    match intent:
+        case ask.MarkHere(mark):
+            window = limits.window(state.index)
+            if window is None:
+                return state
+            return _marked(state, mark, window.t_start if mark == "a" else window.t_stop)
+        case ask.PutMark(mark, seconds):
+            if not limits.windows or not math.isfinite(seconds):
+                return state
+            return _marked(state, mark, limits.start + round(min(max(seconds, 0.0), 1e9) * 1e6))
+        case ask.ClearMarks():
+            return replace(state, mark_a=None, mark_b=None)
+    return None
+
+
+def _marked(state: ViewState, mark: str, stamp: int) -> ViewState:
+    """Marks in the wrong order are no stretch: the one that was set last stays."""
+    if mark == "a":
+        keeps = state.mark_b is not None and state.mark_b > stamp
+        return replace(state, mark_a=stamp, mark_b=state.mark_b if keeps else None)
+    keeps = state.mark_a is not None and state.mark_a < stamp
+    return replace(state, mark_b=stamp, mark_a=state.mark_a if keeps else None)
 
 
 def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewState | None:
@@ -90,7 +132,8 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             if recording_id == state.recording_id:
                 return state
             opened = replace(state, recording_id=recording_id, policy=None, query=None)
-            return replace(opened, index=0, moment=None, is_playing=False, follows_newest=True)
+            opened = replace(opened, mark_a=None, mark_b=None, cleaning=UNCLEANED, follows_newest=True)
+            return replace(opened, index=0, moment=None, is_playing=False)
         case ask.ReopenRecording(recording_id):
             return replace(state, recording_id=recording_id, moment=moment, is_playing=False)
         case ask.ChooseModel(model_id):
@@ -101,6 +144,10 @@ def _reduce_recording(state: ViewState, intent: Any, limits: Limits) -> ViewStat
             if policy == state.policy:
                 return state
             return replace(state, policy=policy, moment=moment, is_playing=False)
+        case ask.ChooseCleaning(cleaning):
+            if cleaning == state.cleaning:
+                return state
+            return replace(state, cleaning=cleaning, moment=moment, is_playing=False)
         case ask.RenameRecording(recording_id):
             return replace(state, recording_id=recording_id)
         case ask.Settle(policy):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from app.engine.requests import Precision
-from etnet.events.denoise import UNCLEANED, Cleaning
+from etnet.events.cleaning import Cleaning
 from etnet.windows import Policy
 
 
@@ -16,6 +16,6 @@ class Run:
     model_id: str | None = None
     precision: Precision | None = None
     policy: Policy | None = None
-    cleaning: Cleaning = UNCLEANED
+    cleaning: Cleaning | None = None
     cold_from: int | None = None
     """Stamp (µs) of the first event that the network sees: its state is zero there."""

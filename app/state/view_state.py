@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, Protocol, TypeVar, get_args
 
 from app.engine.requests import Precision
 from app.state.checks import number, passing, text, whole
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import Policy, Window
 
@@ -55,6 +56,21 @@ class Limits:
         earlier, later = self.windows[after - 1].t_stop, self.windows[after].t_stop
         return after if later - t < t - earlier else after - 1
 
+    def stretch(self, begin: int | None, end: int | None) -> range:
+        """The windows that end after stamp `begin` and not after `end` (µs); `None` is the recording's own end.
+
+        Where no window ends between the two it is the one nearest to `end`; empty while nothing is known.
+        """
+        if not self.windows:
+            return range(0)
+        ends = self.windows
+        first = 0 if begin is None else bisect.bisect_right(ends, begin, key=lambda window: window.t_stop)
+        stop = len(ends) if end is None else bisect.bisect_right(ends, end, key=lambda window: window.t_stop)
+        if first < stop:
+            return range(first, stop)
+        nearest = self.clamp_index(first) if end is None else self.index_at(end)
+        return range(nearest, nearest + 1)
+
     def window(self, index: int) -> Window | None:
         """The window of an index, as far as any is known."""
         return self.windows[self.clamp_index(index)] if self.windows else None
@@ -78,6 +94,12 @@ class ViewState:
     speed: float = number(0.1, 1e-4, 16.0)
     waits_for_frames: bool = False
     loops: bool = True
+    cleaning: Cleaning = UNCLEANED
+    """What is taken out of the events before anything is made of them."""
+    mark_a: int | None = None
+    """Stamp (µs, on the recording's clock) where the marked stretch begins; `None` is the recording's first event."""
+    mark_b: int | None = None
+    """Where it ends; what loops, is trimmed out or exported lies between the marks."""
     workspace: Workspace = "inspect"
     tab: str = text("", longest=60)
     """The view whose settings are open in the inspector column; empty takes the workspace's first."""

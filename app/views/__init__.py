@@ -8,6 +8,7 @@ from app.views.compare import VIEW as COMPARE
 from app.views.demo import VIEW as DEMO
 from app.views.events import VIEW as EVENTS
 from app.views.export import VIEW as EXPORT
+from app.views.filter import VIEW as FILTER
 from app.views.inspect import VIEW as INSPECT
 from app.views.reconstruction import VIEW as RECONSTRUCTION
 from app.views.recording import VIEW as RECORDING
@@ -27,6 +28,7 @@ VIEWS: tuple[View, ...] = (
     COMPARE,
     RECORDING,
     APPEARANCE,
+    FILTER,
     EXPORT,
     DEMO,
 )

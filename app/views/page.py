@@ -13,7 +13,7 @@ from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.html.cloud import EventCloud
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
-from app.html.timeline_marks import Cached
+from app.html.timeline_marks import Cached, Hovered
 from app.state.run import Run
 from app.state.view_state import ViewState
 from etnet.windows import Window
@@ -26,6 +26,8 @@ class Choice:
     id: str
     title: str
     subtitle: str = ""
+    facts: str = ""
+    """What it is, as far as that is known: sensor, duration, format."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +60,8 @@ class Page:
     cached: Cached | None = None
     model: ModelFacts = field(default_factory=lambda: ModelFacts("no network"))
     step_milliseconds: float | None = None
+    hovered: Hovered | None = None
+    """Where on the timeline the pointer is."""
     is_moving: bool = False
     """A finger drags or the recording plays: what is drawn now is soon replaced."""
     recordings: tuple[Choice, ...] = ()
@@ -80,6 +84,10 @@ class Page:
     """What the command line is told of the recording; empty for what it cannot open."""
     can_be_stated: bool = False
     """Whether the visitor may say of this recording what its file does not."""
+    refused: str = ""
+    """Why another recording, asked for a moment ago, was not opened."""
+    can_be_binned: bool = False
+    """Whether the visitor may choose how its pixels are binned."""
     areas: Mapping[str, str] = field(default_factory=dict)
     """Where each card stands: "a" and "b" on the stage, "s1" … on the shelf."""
     cloud: Callable[[int], EventCloud] | None = None
@@ -106,4 +114,5 @@ class Page:
     @property
     def lags(self) -> bool:
         """Whether the image belongs to another window than the one that is missed."""
-        return self.ready is not None and self.missed not in (None, self.ready.request.index)
+        ready = self.ready
+        return ready is not None and (ready.is_former or self.missed not in (None, ready.request.index))

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from etnet.cli.progress import console, fraction_callback
+from etnet.events.cleaning import parse_cleaning
+from etnet.events.denoise import cleaned, removed_share
 from etnet.events.open import open_recording
 from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
@@ -25,10 +27,14 @@ class Opening(Stated):
     flip: Literal["none", "horizontal", "vertical", "both"] = "none"
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""
+    filter: str | None = None
+    """Take noise out first: hot (pixels that fire all the time), a time such as 5ms (events that no neighbour supports
+    within it), both (hot,5ms), or with a number of neighbours (hot,5ms,2)."""
 
     def opened_as(self) -> OpenedAs:
         """What is stated of it, which part of it is seen, and how."""
-        return OpenedAs(self.assumptions(), View(self.region, self.downsample, self.flip, self.rotate))
+        view = View(self.region, self.downsample, self.flip, self.rotate)
+        return OpenedAs(self.assumptions(), view, parse_cleaning(self.filter))
 
 
 def open_with_progress(path: Path, opening: Opening) -> Recording:
@@ -39,7 +45,13 @@ def open_with_progress(path: Path, opening: Opening) -> Recording:
 def open_as_with_progress(path: Path, opened: OpenedAs) -> Recording:
     """The same, as it was opened before."""
     with fraction_callback(f"opening {path.name}") as progress:
-        return open_recording(path, assume=opened.assumed, view=opened.view, progress=progress)
+        recording = open_recording(path, assume=opened.assumed, view=opened.view, progress=progress)
+    if opened.cleaning.changes_nothing:
+        return recording
+    filtered = cleaned(recording, opened.cleaning, closes=True)
+    said = f"{recording.name}: the filter {opened.cleaning.text} removes {removed_share(filtered):.1%} of the events"
+    console.print(said, markup=False, soft_wrap=True)
+    return filtered
 
 
 def write_with_progress(

@@ -19,7 +19,7 @@ from etnet.events.recording import Bracketing, EventSource, Recording, Remark
 from etnet.events.sense import advice_on
 from etnet.events.view import seen_through
 
-__all__ = ["Assumptions", "View", "open_recording"]
+__all__ = ["Assumptions", "View", "check_recording", "open_recording"]
 
 _ZIP = b"PK\x03\x04"
 
@@ -88,6 +88,14 @@ def open_recording(
         opened_as=OpenedAs(assume, view),
         growth=opened.growth,
     )
+
+
+def check_recording(path: Path) -> None:
+    """Raise RecordingError where no reader takes what lies at `path`; its first bytes are looked at, no event."""
+    with ExitStack() as resources:
+        scratch = Scratch(path.name)
+        resources.callback(scratch.close)
+        choose(_request(path, NOTHING_ASSUMED, lambda _: None, resources, scratch), FORMATS)
 
 
 def _advice(found: Opened) -> tuple[Remark, ...]:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
+from etnet.events.cleaning import UNCLEANED, Cleaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,3 +45,5 @@ class OpenedAs:
 
     assumed: Assumptions = NOTHING_ASSUMED
     view: View = WHOLE_VIEW
+    cleaning: Cleaning = UNCLEANED
+    """What was taken out of it then."""

@@ -92,7 +92,8 @@ def _stamped(picture: Picture, moment: Moment, num_windows: int) -> Picture:
     Its height follows from the picture's width alone, so that all pictures of a take have one size.
     """
     width = picture.shape[1]
-    line = f"{moment.seconds:.3f} s   {moment.window.index + 1}/{num_windows}   {moment.window.num_events:,} events"
+    which = f"window {moment.window.index} of 0 - {num_windows - 1}"
+    line = f"{moment.seconds:.3f} s   {which}   {moment.window.num_events:,} events"
     size = 0.6
     while size > 0.3 and cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] > width - 8:
         size -= 0.05

@@ -20,6 +20,7 @@ from torch import nn
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
 from etnet.events.assumptions import Assumptions
+from etnet.events.cleaning import Cleaning
 from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
 from etnet.export.images import write_atomically
@@ -139,7 +140,7 @@ def require_recording(session: Session, recording: Recording) -> None:
     if (found := events_sha256(recording)) != session.events_sha256:
         raise RecordingError(
             f"{recording.name}: its events hash to {found[:12]}…, the session's to {session.events_sha256[:12]}…; "
-            "it is another recording, or was opened otherwise (--region, --downsample, --sort and the like)"
+            "it is another recording, or was opened otherwise (--region, --downsample, --filter, --sort and the like)"
         )
 
 
@@ -245,12 +246,14 @@ def parse_intervention(content: Mapping[str, Any]) -> Intervention:
         raise EtnetError(f"intervention is not understood ({slip}); it takes {known}") from None
 
 
-def _opened_as(assumed: Mapping[str, Any], view: Mapping[str, Any]) -> OpenedAs:
+def _opened_as(
+    assumed: Mapping[str, Any], view: Mapping[str, Any], cleaning: Mapping[str, Any] | None = None
+) -> OpenedAs:
     region = view["region"]
     plain = {**view, "region": None if region is None else tuple(map(int, region))}
     if plain["region"] is not None and len(plain["region"]) != 4:
         raise ValueError("its region is not x, y, width, height")
-    return OpenedAs(Assumptions(**assumed), View(**plain))
+    return OpenedAs(Assumptions(**assumed), View(**plain), Cleaning(**(cleaning or {})))
 
 
 def _frame_hashes(

@@ -13,13 +13,18 @@ document.getElementById('facts').textContent = [
   `${numMoments} images`, facts.policy, facts.format, `network ${facts.lanes.join(', ')}`,
 ].join(' · ');
 
+/** Windows are numbered from 0, as everywhere. */
+function windowOf(index) {
+  return `window ${facts.windows[index]} of ${facts.windows[0]} – ${facts.windows[numMoments - 1]}`;
+}
+
 /** Draw the state. Images that are still being decoded are waited for; a newer wish overtakes an older one. */
 async function show() {
   const ticket = ++wanted, { index, query } = state;
   seek.value = index;
-  seek.setAttribute('aria-valuetext', `${seconds(facts.stops[index])}, image ${index + 1} of ${numMoments}`);
+  seek.setAttribute('aria-valuetext', `${seconds(facts.stops[index])}, ${windowOf(index)}`);
   say(clock, seconds(facts.stops[index]));
-  say(count, `${index + 1} of ${numMoments}`);
+  say(count, windowOf(index));
   strip.draw(index);
   const sheetIndex = attention ? sheetOf(index) : 0;
   const asked = [...lanes.map((lane) => image(lane.stream, index)), image('voxels', index)];
@@ -36,7 +41,7 @@ async function show() {
     const [sheet, under] = got;
     drawMaps(under, sheet, sheetIndex, query);
     const at = Math.min(sheetIndex * attention.stride, numMoments - 1);
-    say(attentionNote, at === index ? `pixel ${cross.join(', ')}` : `pixel ${cross.join(', ')}, as of image ${at + 1}`);
+    say(attentionNote, at === index ? `pixel ${cross.join(', ')}` : `pixel ${cross.join(', ')}, as of window ${facts.windows[at]}`);
     screens.forEach((each) => moveCross(each, cross));
   }
   say(voxelsNote, `${counted(facts.counts[index])} events in ${((facts.stops[index] - facts.starts[index]) / 1000).toFixed(1)} ms`);

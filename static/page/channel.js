@@ -32,7 +32,9 @@
   const pick = (event) => {
     const u = inside((event.clientX - held.box.left) / held.box.width);
     const v = inside((event.clientY - held.box.top) / held.box.height);
-    if (held.isAxis) document.documentElement.style.setProperty("--drag-x", `${100 * u}%`);
+    const mark = held.key.startsWith("mark:") && document.querySelector(`[data-k="${held.key}"]`);
+    if (mark) mark.style.left = `${100 * u}%`;
+    else if (held.isAxis) document.documentElement.style.setProperty("--drag-x", `${100 * u}%`);
     last = event.timeStamp;
     say("pick", held.key, u.toFixed(5), v.toFixed(5));
   };
@@ -40,7 +42,9 @@
     const element = event.target.closest?.("[data-pick]");
     if (!element || event.button !== 0) return;
     const isAxis = element.dataset.drag !== undefined;
-    held = { key: element.dataset.k, box: element.getBoundingClientRect(), isAxis };
+    const along = isAxis ? (element.closest(".et-axis") ?? element) : element;
+    held = { key: element.dataset.k, box: along.getBoundingClientRect(), isAxis };
+    document.activeElement?.matches?.("input, textarea") && document.activeElement.blur(); // it has lost its purpose
     pick(event);
     if (!isAxis && !isPixel(element)) held = null;
     else event.preventDefault();
@@ -61,21 +65,91 @@
     });
   }
 
-  // Along an axis the pointer's time is shown; the wheel looks closer at a part of it.
+  // Along the timeline the pointer's time is shown, with its window and a small frame as soon as the server tells them.
   const hover = document.createElement("div");
   hover.className = "etv-hover";
   hover.hidden = true;
+  hover.innerHTML = '<img alt="" hidden><span></span>';
   document.body.append(hover);
+  const [thumbnail, told] = hover.children;
+  let hovered = ""; // seconds, as they were said last
+  let saidAt = 0;
+  let owedHover = 0;
+  const isPublic = () => document.querySelector("[data-etv-public]") !== null;
+  const sayHover = (seconds) => {
+    clearTimeout(owedHover);
+    if (seconds === hovered || isPublic()) return;
+    const wait = saidAt + 120 - performance.now();
+    if (seconds !== "" && wait > 0) {
+      owedHover = setTimeout(() => sayHover(seconds), wait);
+      return;
+    }
+    hovered = seconds;
+    saidAt = performance.now();
+    say("hover", seconds);
+  };
+  const showHover = () => {
+    const answer = document.querySelector(".etv-hovered");
+    const isAnswered = answer?.dataset.at !== undefined && Math.abs(Number(answer.dataset.at) - Number(hovered)) < 1e-4;
+    const picture = isAnswered ? answer.dataset.picture : "";
+    if (isAnswered) told.textContent = answer.dataset.words;
+    thumbnail.hidden = !picture;
+    if (picture && thumbnail.getAttribute("src") !== picture) thumbnail.src = picture;
+  };
   document.addEventListener("pointermove", (event) => {
     const axis = event.target.closest?.(".et-axis");
     hover.hidden = !axis;
-    if (!axis) return;
+    if (!axis) {
+      if (hovered !== "") sayHover("");
+      return;
+    }
     const box = axis.getBoundingClientRect();
-    hover.textContent = `${(Number(axis.dataset.start) + inside((event.clientX - box.left) / box.width) * Number(axis.dataset.duration)).toFixed(3)} s`;
-    Object.assign(hover.style, { left: `${event.clientX}px`, top: `${box.top - 4}px` });
+    const seconds = Number(axis.dataset.start ?? 0) + inside((event.clientX - box.left) / box.width) * Number(axis.dataset.duration);
+    told.textContent = `${seconds.toFixed(3)} s`;
+    const half = hover.offsetWidth / 2 + 4;
+    const left = Math.min(Math.max(event.clientX, half), window.innerWidth - half);
+    Object.assign(hover.style, { left: `${left}px`, top: `${box.top - 6}px` });
+    sayHover(seconds.toFixed(4));
+    showHover();
   });
+  setInterval(() => hover.hidden || showHover(), 60);
+
+  // The wheel and the keys + − 0 [ ] look closer at a part of the timeline; what is seen follows the moment.
   let zoom = 1;
   let from = 0;
+  let duration = "";
+  const look = (newZoom, newFrom) => {
+    zoom = Math.min(Math.max(newZoom, 1), 200);
+    from = Math.min(Math.max(newFrom, 0), 1 - 1 / zoom);
+    const root = document.documentElement;
+    root.style.setProperty("--zoom", zoom);
+    root.style.setProperty("--from", from);
+    root.classList.toggle("etv-zoomed", zoom > 1.01);
+    drawRuler();
+  };
+  const head = () => Number.parseFloat(document.querySelector(".et-axis > .et-head-line")?.style.getPropertyValue("--x")) / 100 || 0;
+  const drawRuler = () => {
+    const ruler = document.querySelector(".etv-ruler");
+    if (!ruler) return;
+    const total = Number(duration);
+    if (zoom <= 1.01 || !total) {
+      ruler.replaceChildren();
+      return;
+    }
+    const seen = total / zoom;
+    const rough = seen / Math.max(ruler.clientWidth / 140, 2);
+    const power = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 5, 10].map((n) => n * power).find((n) => n >= rough);
+    const digits = Math.max(0, -Math.floor(Math.log10(step)));
+    const labels = [];
+    for (let at = Math.ceil((from * total) / step) * step; at <= from * total + seen; at += step) {
+      const label = document.createElement("span");
+      label.textContent = `${at.toFixed(digits)} s`;
+      label.style.left = `${(100 * (at - from * total)) / seen}%`;
+      labels.push(label);
+    }
+    ruler.replaceChildren(...labels);
+  };
   document.addEventListener(
     "wheel",
     (event) => {
@@ -84,18 +158,37 @@
       event.preventDefault();
       const box = strip.getBoundingClientRect();
       const at = (event.clientX - box.left) / box.width;
-      const fixed = from + at / zoom;
-      if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) from += (event.deltaX || event.deltaY) / box.width / zoom;
+      if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) look(zoom, from + (event.deltaX || event.deltaY) / box.width / zoom);
       else {
-        zoom = Math.min(Math.max(zoom * Math.exp(-event.deltaY / 300), 1), 200);
-        from = fixed - at / zoom;
+        const closer = Math.min(Math.max(zoom * Math.exp(-event.deltaY / 300), 1), 200);
+        look(closer, from + at / zoom - at / closer);
       }
-      from = Math.min(Math.max(from, 0), 1 - 1 / zoom);
-      document.documentElement.style.setProperty("--zoom", zoom);
-      document.documentElement.style.setProperty("--from", from);
     },
     { passive: false },
   );
+  const around = (factor) => {
+    const at = Math.min(Math.max((head() - from) * zoom, 0), 1);
+    look(zoom * factor, head() - at / Math.min(Math.max(zoom * factor, 1), 200));
+  };
+  const lookKeys = {
+    "+": () => around(1.5),
+    "=": () => around(1.5),
+    "-": () => around(1 / 1.5),
+    0: () => look(1, 0),
+    "[": () => look(zoom, from - 0.25 / zoom),
+    "]": () => look(zoom, from + 0.25 / zoom),
+  };
+  let headWas = 0;
+  setInterval(() => {
+    const now = document.querySelector(".et-axis")?.dataset.duration ?? "";
+    if (now !== duration) {
+      duration = now;
+      look(1, 0);
+    }
+    const at = head();
+    if (zoom > 1.01 && at !== headWas && !held && (at < from || at > from + 1 / zoom)) look(zoom, at - 0.1 / zoom);
+    headWas = at;
+  }, 150);
 
   // In public the show lets go of the page at the first touch, wherever it is.
   let touched = 0;
@@ -108,11 +201,34 @@
     document.addEventListener(kind, touch, { capture: true, passive: true });
   }
 
-  // Keys that viser's commands do not know. Not while something is being typed.
+  // Keys that viser's commands do not know. Not while something is being typed. Arrows step, and never move the camera
+  // of the scene: they are taken before it hears them; a slider or a row of buttons that has the focus keeps them.
   const keys = { ",": "comma", ".": "period", "?": "question" };
+  const arrows = { ArrowLeft: "left", ArrowRight: "right" };
+  const isTyping = (event) => event.target.closest?.("input:not([type=checkbox]), textarea, [contenteditable=true]");
+  window.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
+      if (event.target.closest?.("[role=slider], [role=radiogroup], [role=listbox], [role=menu], [role=tablist]")) return;
+      if (arrows[event.key]) {
+        event.preventDefault();
+        event.stopImmediatePropagation();
+        say("key", event.shiftKey ? `far-${arrows[event.key]}` : arrows[event.key]);
+      } else if (event.key === "ArrowUp" || event.key === "ArrowDown") event.stopImmediatePropagation();
+      else if (keys[event.key]) say("key", keys[event.key]);
+      else if (lookKeys[event.key] && document.querySelector(".et-axis")) lookKeys[event.key]();
+    },
+    { capture: true },
+  );
+  // A field that was used gives the keys back: after a choice from a list, after Enter, after a click elsewhere.
+  const giveBack = () => document.activeElement?.matches?.("input, textarea") && document.activeElement.blur();
+  document.addEventListener("click", (event) => {
+    if (event.target.closest?.("[role=option]")) setTimeout(giveBack, 60);
+  });
   document.addEventListener("keydown", (event) => {
-    const typing = event.target.closest?.("input:not([type=checkbox]), textarea, [contenteditable=true]");
-    if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey && keys[event.key]) say("key", keys[event.key]);
+    if (event.key === "Enter" && event.target.matches?.("input:not([type=search])")) setTimeout(giveBack, 60);
+    if (event.key === "Enter" && event.target.matches?.("[role=combobox], [aria-haspopup=listbox]")) setTimeout(giveBack, 60);
   });
 
   // viser's canvas lies over the slot of its card, wherever that stands and as long as it can be seen.
@@ -138,21 +254,61 @@
   });
 
   // The list of recordings: what is typed leaves out what does not match; a choice, Escape or a click elsewhere closes it.
+  // The bar that holds it is drawn again and again: an open list stays open, where it was scrolled to, with what was typed.
   const list = () => document.querySelector(".etv-recordings[open]");
+  const sift = (rows, typed) => {
+    const words = typed.toLowerCase().split(" ");
+    for (const row of rows.querySelectorAll("button")) row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
+  };
+  const kept = { node: null, isOpen: false, top: 0, typed: "" };
   document.addEventListener("input", (event) => {
-    if (!event.target.closest?.(".etv-list")) return;
-    const words = event.target.value.toLowerCase().split(" ");
-    for (const row of event.target.closest(".etv-list").querySelectorAll("button")) {
-      row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
-    }
+    const rows = event.target.closest?.(".etv-list");
+    if (!rows) return;
+    kept.typed = event.target.value;
+    sift(rows, kept.typed);
   });
+  document.addEventListener("toggle", (event) => {
+    if (event.target !== kept.node) return;
+    kept.isOpen = event.target.open;
+    if (kept.isOpen) event.target.querySelector("input").focus();
+  }, true);
+  document.addEventListener("scroll", (event) => {
+    if (event.target.matches?.(".etv-list")) kept.top = event.target.scrollTop;
+  }, { capture: true, passive: true });
+  new MutationObserver(() => {
+    const node = document.querySelector(".etv-recordings");
+    if (!node || node === kept.node) return;
+    const hadFocus = document.activeElement === document.body;
+    kept.node = node;
+    if (!kept.isOpen) {
+      kept.typed = "";
+      return;
+    }
+    node.open = true;
+    const rows = node.querySelector(".etv-list");
+    const field = rows.querySelector("input");
+    field.value = kept.typed;
+    if (kept.typed) sift(rows, kept.typed);
+    rows.scrollTop = kept.top;
+    if (hadFocus) field.focus();
+  }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();
     if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) open.open = false;
     else if (open) open.querySelector("input").focus();
   });
+  // Escape closes what lies over the page: the list, else help and the other windows of viser; so does a click beside them.
+  const closeWindow = () => {
+    const buttons = [...document.querySelectorAll(".mantine-Modal-content button, .mantine-Modal-header button")];
+    buttons.find((button) => button.innerText.trim() === "Close" || button.classList.contains("mantine-Modal-close"))?.click();
+  };
   document.addEventListener("keydown", (event) => {
-    if (event.key === "Escape" && list()) list().open = false;
+    if (event.key !== "Escape") return;
+    if (list()) list().open = false;
+    else closeWindow();
+  });
+  document.addEventListener("mousedown", (event) => {
+    if (event.target.matches?.(".mantine-Modal-overlay, .mantine-Modal-inner")) closeWindow();
   });
 
   // A moment as a link: C copies the address of what is on show. The address that this page was opened by is told
@@ -192,6 +348,26 @@
       // a page that may keep nothing follows its address each time
     }
   };
+
+  // A server that does not answer is said in a sentence; once it answers again the page is loaded, and is where it was.
+  const lost = document.createElement("div");
+  lost.className = "etv-lost";
+  lost.setAttribute("role", "alert");
+  lost.hidden = true;
+  lost.textContent = "The viewer does not answer: it was stopped, or the connection is gone. This page returns by itself as soon as it is back.";
+  document.body.append(lost);
+  let misses = 0;
+  setInterval(async () => {
+    if (document.visibilityState !== "visible") return;
+    try {
+      await fetch("/static/icon.svg", { cache: "no-store", signal: AbortSignal.timeout(3000) });
+      if (misses >= 2) location.reload();
+      misses = 0;
+    } catch {
+      misses += 1;
+      lost.hidden = misses < 2;
+    }
+  }, 3500);
 
   document.title = "ET-Net viewer"; // viser sets its own once it runs
   place();

@@ -16,6 +16,7 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
+from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.models import ModelEntry
 from app.catalogue.recordings import CatalogueError, Entry
 from app.catalogue.uploads import Uploads
@@ -60,11 +61,15 @@ class Shelf:
         self.recordings = {"a": recording("first"), "b": recording("second", 21, seed=1)}
         self.private = {}
         self.films = Videos()
+        self.facts = ListedFacts()
 
     def is_film(self, entry):
         return False
 
     def can_be_stated(self, entry):
+        return False
+
+    def can_be_binned(self, entry):
         return False
 
     def take_in(self, entry):
@@ -141,6 +146,9 @@ class InstantEngine:
         self.jobs.append((visitor, slot, None))
 
     def cached(self, request):
+        return None
+
+    def thumbnail(self, request):
         return None
 
     def status(self, request):

@@ -8,9 +8,10 @@ import pytest
 from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
 from app.main import Viewer, main
-from app.session_file import config_of, session_in, view_of
+from app.session_file import config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
 from app.views.inspect.state import Change, InspectState
+from etnet.errors import EtnetError
 from etnet.events.assumptions import Assumptions
 from etnet.events.open import open_recording
 from etnet.events.opened_as import View
@@ -50,7 +51,9 @@ def test_a_session_opens_as_it_was_taken(taken):
     config = config_of(session, config)
     assert (config.file, config.precision) == (taken / "walk.txt", "fp32")
     catalogue = Catalogue(config)
-    recording = catalogue.open(catalogue.entries()[0].id)
+    recording_id, opened = id_of(session, config, catalogue.entries()[0])
+    catalogue.granted[recording_id] = opened
+    recording = catalogue.open(recording_id)
     assert recording.opened_as == session.opened
     assert session_file.events_sha256(recording) == session.events_sha256
     state = view_of(session, ViewState(recording_id=catalogue.entries()[0].id), catalogue.models())
@@ -91,3 +94,25 @@ def test_a_session_of_the_first_format_is_opened_as_the_command_line_says(taken)
     said = {"roi": "2,2,40,30", "downsample": 2, "flip": "horizontal", "rotate": 90, "stated": Stated.of(ASSUMED)}
     config = ViewerConfig(file=taken / "s.json", **said)
     assert config_of(session, config) == replace(config, file=taken / "walk.txt", precision="fp32")
+
+
+def test_a_session_that_is_handed_over_opens_its_recording_and_its_options_hold_for_that_alone(taken):
+    (taken / "second").mkdir()
+    rows = np.array([[0.0, 1, 1, 1], [0.5, 2, 2, 0], [0.9, 3, 3, 1]])
+    np.savetxt(taken / "second" / "other.txt", rows, fmt="%.6f %d %d %d")
+    config = ViewerConfig(data=taken, model=str(taken / "mine.safetensors"))
+    catalogue = Catalogue(config)
+    state = handed_over(taken / "s.json", catalogue.entries(), ViewState(), catalogue.models(), config)
+    assert (state.policy, state.index) == (POLICY, 2)
+    assert catalogue.open(state.recording_id).opened_as == read_session(taken / "s.json").opened
+    other = next(entry for entry in catalogue.entries() if entry.title == "other.txt")
+    assert catalogue.open(other.id).opened_as.view == View()
+    with pytest.raises(EtnetError, match="open it first"):
+        handed_over(taken / "s.json", [other], ViewState(), catalogue.models(), config)
+
+
+def test_a_path_that_cannot_be_opened_ends_the_viewer_before_it_serves(tmp_path, capsys):
+    assert "there is no such file" in _said(capsys, tmp_path / "absent.json")
+    (tmp_path / "noise.raw").write_bytes(bytes(range(256)) * 8)
+    assert "noise.raw" in _said(capsys, tmp_path / "noise.raw")
+    assert "absent.h5" in _said(capsys, tmp_path / "absent.h5")

@@ -40,10 +40,12 @@ def bar_html(page: Page) -> str:
         return f'<header class="etv-bar">{mark}{_BRAND}{home}<span class="etv-right">{tools}</span></header>'
     keys = {f"workspace:{name}": words for name, words in WORKSPACES.items()}
     switch = segmented("Workspace", keys, f"workspace:{state.workspace}")
-    facts = ""
+    facts = f'<span class="et-note">{escape(page.trouble)}</span>' if page.trouble else ""
     if page.moment is not None:
         facts = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
     changed = "" if state.is_public else change_chip(page)
+    if page.refused:
+        facts = f'<span class="et-failed" role="alert" data-testid="refused">{escape(page.refused)}</span>'
     tools = (
         _COPY.format(icon("link"))
         + icon_button("tab:export", "download", "Export")
@@ -78,7 +80,7 @@ def recordings_html(page: Page) -> str:
     rows = "".join(
         f'<button data-k="open:{escape(choice.id)}" {ON_PICK}'
         f"{' class=etv-on' if choice.id == chosen else ''}><b>{escape(choice.title)}</b>"
-        f"<span>{escape(choice.subtitle)}</span></button>"
+        f"<span>{escape(' · '.join(filter(None, (choice.facts, choice.subtitle))))}</span></button>"
         for choice in page.recordings
     )
     return (

@@ -28,7 +28,7 @@ from app.views.compare.state import (
 )
 from app.views.page import Choice, Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched
-from etnet.events.denoise import UNCLEANED, Cleaning
+from etnet.events.cleaning import UNCLEANED, Cleaning
 
 INSPECTORS: dict[str, Inspector] = {
     "nothing": "none",
@@ -43,8 +43,9 @@ SIGHTS: dict[str, Sight] = {
 }
 AS_MAIN = "as run A"
 RULES: dict[str, Rule] = {"paper (ET-Net)": "paper", "EVREAL": "evreal"}
-CLEANINGS: dict[str, Cleaning] = {
-    "as recorded": UNCLEANED,
+CLEANINGS: dict[str, Cleaning | None] = {
+    AS_MAIN: None,
+    "no filter": UNCLEANED,
     "without hot pixels": Cleaning(hot_pixels=True),
     "supported within 20 ms": Cleaning(support_within=20_000),
     "supported within 5 ms": Cleaning(support_within=5_000),

@@ -10,7 +10,7 @@ from app.state.checks import checked, number, whole
 from app.state.run import Run
 from app.state.view_state import ViewState
 from app.views.view import Here
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
 
 Inspector = Literal["none", "runs", "scores"]
 Sight = Literal["side by side", "wipe", "difference", "error"]

@@ -49,6 +49,7 @@ def export_command(
     words += _range(wanted, moment)
     if (opened := moment.recording.opened_as) is not None:
         words += [*_statement(opened.assumed), *_view(opened.view)]
+    words += [] if moment.cleaning.changes_nothing else ["--filter", moment.cleaning.text]
     words += _look(wanted, query)
     return shlex.join(words)
 

@@ -50,7 +50,8 @@ class ExportJob:
     def request(self) -> FrameRequest:
         """The playback that it needs."""
         order = self.order
-        return FrameRequest(order.recording_id, order.model_id, order.precision, order.policy, order.index)
+        asked = order.recording_id, order.model_id, order.precision, order.policy, order.index
+        return FrameRequest(*asked, cleaning=order.cleaning)
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Download | None, float]]:
         """One step of the network, or a moment's wait for the writer, between two yields."""
@@ -149,11 +150,19 @@ def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 
     card = getattr(take.playback.model, "card", {})
     is_linear_light = bool(card) and card.get("target_tone", "linear") == "linear"
     request = FrameRequest(
-        order.recording_id, order.model_id, order.precision, order.policy, order.index, view.query is not None
+        order.recording_id,
+        order.model_id,
+        order.precision,
+        order.policy,
+        order.index,
+        view.query is not None,
+        cleaning=order.cleaning,
     )
     contract = contract_of(take.playback.model)
     ready = Ready(request, taken.frame, taken.step.attention, 0.0, True, False, False, contract, order.index)
-    moment = Moment(order.recording_id, order.policy, order.index, take.recording, take.playback.windows)
+    moment = Moment(
+        order.recording_id, order.policy, order.index, take.recording, take.playback.windows, order.cleaning
+    )
     network = getattr(take.playback.model, "name", order.model_id)
     look, tones = look_in(view, is_linear_light), tones_in(view, is_linear_light)
     return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.of(EventsState).event_image)

@@ -54,7 +54,7 @@ def sheet_picture(
         sections.append(_maps(ready, ready.attention, look))
     start, stop = moment.seconds
     facts = [
-        f"window {moment.index + 1} of {count(len(moment.windows))}",
+        f"window {moment.index} of 0 - {count(len(moment.windows) - 1)}",
         f"{start:.3f} ... {stop:.3f} s",
         f"{count(moment.window.num_events)} events",
         f"{moment.recording.sensor} px",

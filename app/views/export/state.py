@@ -11,6 +11,7 @@ from app.state.checks import passing
 from app.state.view_state import ViewState
 from app.views.inspect.state import NO_CHANGE, Change, InspectState
 from app.views.view import Here
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.windows import Policy
 
 EXPORT_SLOT = "export.file"
@@ -61,6 +62,7 @@ class Order:
     query: tuple[int, int] | None = None
     change: Change = NO_CHANGE
     """What was done to the network on purpose; a session holds it, if a run can (`Change.run_from`)."""
+    cleaning: Cleaning = UNCLEANED
     view: ViewState | None = None
     """How things were shown, for a sheet; `None` for all that does not depend on it."""
 
@@ -92,7 +94,7 @@ def order_of(state: ViewState, wanted: StartExport) -> Order | None:
     is_sheet = wanted.format == "png" and wanted.sheet != "panels"
     view = replace(state.put(ExportState()), is_playing=False) if is_sheet else None
     of = state.recording_id, state.model_id, state.precision, state.policy, state.index
-    return Order(wanted, *of, state.query, state.of(InspectState).change, view)
+    return Order(wanted, *of, state.query, state.of(InspectState).change, state.cleaning, view)
 
 
 def arrays_of(wanted: StartExport, query: tuple[int, int] | None) -> tuple[ArrayName, ...]:

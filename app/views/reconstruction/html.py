@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.html.card import segmented
+from app.html.elements import empty, panel
 from app.html.live import live_badge
 from app.html.pictures import reconstruction_html
 from app.views.page import Page
@@ -21,7 +22,9 @@ TONES: dict[Tone, str] = {
 
 
 def reconstruction_of(page: Page, marks_query: bool = True) -> str:
-    """The reconstruction with its badge, and how far the wanted one is."""
+    """The reconstruction with its badge, and how far the wanted one is; or why nothing is open."""
+    if page.moment is None and page.trouble:
+        return panel("reconstruction", empty("No image", page.trouble))
     return reconstruction_html(
         page.ready,
         tones=tones_of(page),

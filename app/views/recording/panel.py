@@ -22,6 +22,7 @@ from app.views.recording.assumptions_panel import Statement
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.html.examination import closed_html, doctor_html
 from app.views.recording.html.fitness import fitness_button_html, fitness_html
+from app.views.recording.html.sensor import binning_html, sensor_words
 from app.views.recording.html.video import film_html
 from app.views.recording.jobs.examination import SLOT
 from app.views.recording.jobs.fitness import SLOT as FITNESS_SLOT
@@ -147,12 +148,13 @@ def _facts(page: Page) -> str:
     told = [
         ("Events", f"{recording.num_events:,}"),
         ("Duration", f"{recording.span.duration / 1e6:.3f} s"),
-        ("Sensor", f"{recording.sensor} pixels"),
+        ("Sensor", sensor_words(recording)),
         ("Camera frames", f"{len(truth):,}" if truth else "none"),
         ("Format", recording.format),
         ("Windows", f"{len(page.moment.windows):,}"),
     ]
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
+    rows += f"<dt>Binning</dt><dd>{binning_html(page)}</dd>" if page.can_be_binned else ""
     remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
     noticed = f"<h3>Import log</h3><ul>{remarks}</ul>" if remarks else ""
     return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}{writing}</div>'
@@ -188,7 +190,7 @@ def _examination(page: Page) -> JobResult | None:
 def _cut(page: Page) -> str:
     if page.moment is None:
         return ""
-    return excerpt_html(page.moment, page.state.of(RecordingState), page.results.get(TRIM_SLOT))
+    return excerpt_html(page.moment, page.state, page.results.get(TRIM_SLOT))
 
 
 def _doctor(page: Page) -> str:

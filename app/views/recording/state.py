@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from app.engine.downloads import Downloaded
 from app.engine.requests import Precision
 from app.state import intents as ask
 from app.state.checks import passing
-from app.state.view_state import ViewState
+from app.state.view_state import Limits, ViewState
 from app.views.view import Here
-from etnet.windows import Policy, Window
+from etnet.events.cleaning import UNCLEANED, Cleaning
+from etnet.windows import Policy
 
 TRIM_SLOT = "recording.trim"
-
-
-@dataclass(frozen=True, slots=True)
-class MarkTrim:
-    """The current window is the first one of what is trimmed out, or the last."""
-
-    end: Literal["from", "to"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,25 +28,13 @@ class DropTrim:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
-    """One end of a stretch: an event's index, and the stamp (µs) that the window begins or ends with."""
-
-    event: int
-    stamp: int
-
-
-@dataclass(frozen=True, slots=True)
 class Excerpt:
-    """What is marked of a recording; `None` is its beginning, or its end."""
+    """The marked stretch in whole windows: events start … stop − 1, and the stamps (µs) of its two ends."""
 
-    recording_id: str = ""
-    begin: Mark | None = None
-    end: Mark | None = None
-
-    @property
-    def is_marked(self) -> bool:
-        """Whether there is anything to trim."""
-        return self.begin is not None or self.end is not None
+    recording_id: str
+    start: int
+    stop: int
+    span: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +45,7 @@ class TrimOrder:
     model_id: str
     precision: Precision
     policy: Policy
+    cleaning: Cleaning = UNCLEANED
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,52 +57,41 @@ class RecordingState:
     """Whether the recording's statistics are computed and shown."""
     fits: bool = passing(False, can_be_set=True)
     """Whether the sensor's statistics are held against the training range."""
-    excerpt: Excerpt = passing(default_factory=Excerpt)
     cut: TrimOrder | None = passing(None)
 
 
 def reduce_recording(slice_: RecordingState, intent: Any, here: Here) -> RecordingState:
-    """Marks in the wrong order are no stretch: the one that was set last stays."""
-    state = here.state
+    """What is trimmed out lies between the page's marks; another mark takes back an order that failed or runs."""
     match intent:
         case ask.ShowWorkspace("recording"):
             return replace(slice_, examines=True)
-        case MarkTrim(end):
-            if here.window is None:
-                return slice_
-            return replace(slice_, excerpt=_marked(slice_.excerpt, end, state.recording_id, here.window), cut=None)
+        case ask.MarkHere() | ask.PutMark() | ask.ClearMarks() | DropTrim():
+            return replace(slice_, cut=None) if slice_.cut is not None else slice_
         case Trim():
-            is_here = slice_.excerpt.is_marked and slice_.excerpt.recording_id == state.recording_id
-            return replace(slice_, cut=_order(state, slice_.excerpt)) if is_here else slice_
-        case DropTrim():
-            return replace(slice_, cut=None)
+            return replace(slice_, cut=_order(here))
         case Downloaded(slot) if slot == TRIM_SLOT:
             return replace(slice_, cut=None)
-        case ask.RenameRecording(recording_id) if slice_.excerpt.recording_id == state.recording_id:
-            # A part's events have the numbers of the whole.
-            return replace(slice_, excerpt=replace(slice_.excerpt, recording_id=recording_id))
     return slice_
 
 
-def _order(state: ViewState, excerpt: Excerpt) -> TrimOrder | None:
-    return None if state.policy is None else TrimOrder(excerpt, state.model_id, state.precision, state.policy)
+def excerpt_of(state: ViewState, limits: Limits) -> Excerpt | None:
+    """The windows between the marks; `None` while nothing is marked, or known. A mark that is missing is an end."""
+    windows = limits.windows
+    if (state.mark_a is None and state.mark_b is None) or not windows:
+        return None
+    stretch = limits.stretch(state.mark_a, state.mark_b)
+    first, last = windows[stretch[0]], windows[stretch[-1]]
+    return Excerpt(state.recording_id, first.start, last.stop, (first.t_start, last.t_stop))
 
 
-def _marked(excerpt: Excerpt, end: str, recording_id: str, window: Window) -> Excerpt:
-    if excerpt.recording_id != recording_id:
-        excerpt = Excerpt(recording_id)
-    if end == "from":
-        begin = Mark(window.start, window.t_start)
-        keeps = excerpt.end is not None and excerpt.end.event > begin.event
-        return replace(excerpt, begin=begin, end=excerpt.end if keeps else None)
-    stop = Mark(window.stop, window.t_stop)
-    keeps = excerpt.begin is not None and excerpt.begin.event < stop.event
-    return replace(excerpt, end=stop, begin=excerpt.begin if keeps else None)
+def _order(here: Here) -> TrimOrder | None:
+    state, excerpt = here.state, excerpt_of(here.state, here.limits)
+    if state.policy is None or excerpt is None:
+        return None
+    return TrimOrder(excerpt, state.model_id, state.precision, state.policy, state.cleaning)
 
 
 _WORDS: dict[str, Any] = {
-    "from": MarkTrim("from"),
-    "to": MarkTrim("to"),
     "trim": Trim(),
     "drop": DropTrim(),
 }

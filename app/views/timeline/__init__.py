@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.views.timeline.state import TimelineState
+from app.views.timeline.state import TimelineState, hear
 from app.views.view import EVERYWHERE, View
 
 if TYPE_CHECKING:
@@ -27,4 +27,5 @@ VIEW = View(
     _panel,
     workspaces=EVERYWHERE,
     is_public=True,
+    hear=hear,
 )

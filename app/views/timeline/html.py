@@ -1,6 +1,6 @@
 """The timeline: a linear axis from the recording's first event to its last, whatever the windows are.
 
-Event rate, camera frames, what is cached and the current window stand where they are in time.
+Event rate, camera frames, triggers, marks, what is cached and the current window stand where they are in time.
 """
 
 from __future__ import annotations
@@ -14,60 +14,49 @@ from app.catalogue.cut import is_live
 from app.html.elements import ON_PICK, escape, panel
 from app.html.moment import ARRAYS, Moment
 from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, axis_of, curve_of, place_of, plan_of
-from app.html.units import count, of_whole, rate, seconds
+from app.html.units import seconds
+from app.state.view_state import ViewState
 from etnet.render.timeline import MICROSECONDS, nice_step
 
 _HEIGHT = 44
-_FLOOR = 34
-"""Below it lie the bars of what is cached."""
+_FLOOR = 36
+"""Below it lies the lane of what is cached."""
+_LANE = 5
 _MAX_TICKS = 400
+MAX_TRIGGERS = 300
+"""Ticks that a click jumps to; more are drawn without."""
 _NUM_SECONDS = 8
 
 
-def timeline_html(moment: Moment, cached: Cached | None = None, *, over: str = "") -> str:
+def timeline_html(
+    moment: Moment,
+    cached: Cached | None = None,
+    state: ViewState | None = None,
+    *,
+    approximate: range = range(0),
+    changed: range = range(0),
+    over: str = "",
+) -> str:
     """A strip of 44 px over its seconds. Dragging along it sends `span:from,to` in seconds.
 
-    `over`: SVG in the strip's measure, drawn last.
+    `approximate` and `changed` are the windows that are so; `over` is SVG in the strip's measure, drawn last.
     """
     window, axis = moment.window, axis_of(moment)
     duration, start = axis.duration / MICROSECONDS, (axis.start - moment.recording.span.start) / MICROSECONDS
     begin = f"{start:.6f}" if start else "0"
     left, right = place_of(moment, window.t_start), place_of(moment, window.t_stop)
     now = f'<rect x="{left:.2f}" y="0" width="{max(right - left, 1):.2f}" height="{_FLOOR}" fill="#ffffff2e"/>'
+    lane = _lane(moment, cached or NothingCached(), approximate, changed)
     strip = (
         '<div class="et-strip" data-testid="strip">'
         f'<div class="et-axis" data-k="span:{begin},{start + duration:.6f}" data-drag="1"'
-        f' data-start="{start:.6f}" data-duration="{duration:.6f}" {ON_PICK}>'
+        f' data-start="{start:.6f}" data-duration="{duration:.6f}" {ON_PICK}>{_between(moment, state)}'
         f'<svg viewBox="0 0 {AXIS_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
-        f"{_background(moment)}{now}{_bars(moment, cached or NothingCached())}{over}</svg>"
-        f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_seconds(moment)}</div></div>'
+        f"{_background(moment)}{now}{lane}{over}</svg>{_triggers(moment)}"
+        f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_marks(moment, state, duration)}'
+        f"{_seconds(moment)}</div></div>"
     )
     return panel("timeline", strip)
-
-
-def now_html(moment: Moment) -> str:
-    """The moment in numbers: its time large, then window, span, events and their rate."""
-    num = len(moment.windows)
-    start, stop = moment.seconds
-    window = moment.window
-    partial = " · last, not full" if window.is_partial else ""
-    speed = rate(window.num_events / max(window.t_stop - window.t_start, 1) * 1e6)
-    which = f"window {count(moment.index)} <i>of 0 – {count(max(num - 1, 0))}</i>{partial}{_so_far(moment)}"
-    line = (
-        f'<div class="et-now"><b data-testid="time">{seconds(stop)}</b><span data-testid="window">{which}</span>'
-        f"<span>{seconds(start)} – {seconds(stop)}</span>"
-        f"<span>{count(window.num_events)} events</span><span>{speed}</span></div>"
-    )
-    return panel("now", line)
-
-
-def _so_far(moment: Moment) -> str:
-    """That only a part of the file is open, and how far its index is."""
-    growth = moment.recording.growth
-    if growth is None:
-        return ""
-    indexed = f"{of_whole(growth.share)} of the file indexed, more follows"
-    return f'<span class="et-so-far et-warning"> · only its beginning: {indexed}</span>'
 
 
 def _background(moment: Moment) -> str:
@@ -75,29 +64,78 @@ def _background(moment: Moment) -> str:
 
     def make() -> str:
         curve = curve_of(moment)
-        truth = moment.recording.ground_truth
-        ticks = ""
-        if truth is not None and len(truth):
-            axis = axis_of(moment)
-            first, last = (
-                np.searchsorted(truth.stamps, [axis.start, axis.stop + 1]) if is_live(moment.recording) else (0, None)
-            )
-            shown = truth.stamps[first:last]
-            places = (place_of(moment, float(stamp)) for stamp in shown[:: max(-(-len(shown) // _MAX_TICKS), 1)])
-            ticks = "".join(f"M{x:.1f} 0V4" for x in places)
+        truth, triggers = moment.recording.ground_truth, moment.recording.triggers
+        frames = "" if truth is None else _ticks(moment, _on_axis(moment, truth.stamps), 0, 4)
+        pulses = "" if triggers is None else _ticks(moment, _on_axis(moment, triggers.stamps), 0, 8)
         return (
             f'<path d="{_area(moment, curve.stamps, curve.rates)}" fill="#4b5160"/>'
-            f'<path d="{ticks}" stroke="#aab0bd" stroke-width="1" vector-effect="non-scaling-stroke"/>'
+            f'<path d="{frames}" stroke="#aab0bd" stroke-width="1" vector-effect="non-scaling-stroke"/>'
+            f'<path d="{pulses}" stroke="var(--accent)" stroke-width="1.5" vector-effect="non-scaling-stroke"/>'
         )
 
     return ARRAYS.get(("strip", *plan_of(moment), axis_of(moment)), make, len)
+
+
+def _on_axis(moment: Moment, stamps: np.ndarray) -> np.ndarray:
+    """Those of a live recording that the axis still shows; all of any other."""
+    if not is_live(moment.recording):
+        return stamps
+    axis = axis_of(moment)
+    first, last = np.searchsorted(stamps, [axis.start, axis.stop + 1])
+    return stamps[first:last]
+
+
+def _ticks(moment: Moment, stamps: np.ndarray, top: int, bottom: int) -> str:
+    """Upright lines at stamps, thinned evenly where there are very many."""
+    step = max(1, -(-len(stamps) // _MAX_TICKS))
+    return "".join(f"M{place_of(moment, float(stamp)):.1f} {top}V{bottom}" for stamp in stamps[::step])
+
+
+def _triggers(moment: Moment) -> str:
+    """A target above each trigger: a click jumps there."""
+    triggers = moment.recording.triggers
+    if triggers is None or not 0 < len(triggers) <= MAX_TRIGGERS:
+        return ""
+    start, words = moment.recording.span.start, {1: " rising", -1: " falling", 0: ""}
+    targets = []
+    for stamp, channel, edge in zip(triggers.stamps, triggers.channels, triggers.edges, strict=True):
+        at = (int(stamp) - start) / MICROSECONDS
+        title = f"Trigger, input {channel}{words.get(int(edge), '')}, {seconds(max(at, 0.0))}"
+        place = place_of(moment, float(stamp)) / AXIS_WIDTH
+        targets.append(
+            f'<b class="et-trigger" data-k="goto:{at:.6f}" {ON_PICK} title="{title}" style="left:{place:.3%}"></b>'
+        )
+    return "".join(targets)
+
+
+def _between(moment: Moment, state: ViewState | None) -> str:
+    """The stretch between the marks, behind everything."""
+    if state is None or (state.mark_a is None and state.mark_b is None):
+        return ""
+    span = moment.recording.span
+    left = place_of(moment, span.start if state.mark_a is None else state.mark_a) / AXIS_WIDTH
+    right = place_of(moment, span.stop if state.mark_b is None else state.mark_b) / AXIS_WIDTH
+    return f'<i class="et-between" style="left:{left:.3%};width:{right - left:.3%}"></i>'
+
+
+def _marks(moment: Moment, state: ViewState | None, duration: float) -> str:
+    """Handles that are dragged along the axis."""
+    if state is None:
+        return ""
+    return "".join(
+        f'<b class="et-mark" data-k="mark:{name}:0,{duration:.6f}" data-drag="1" {ON_PICK}'
+        f' title="{name.upper()}: drag it, or set it here with the key {key}"'
+        f' style="left:{place_of(moment, stamp) / AXIS_WIDTH:.3%}">{name.upper()}</b>'
+        for name, key, stamp in (("a", "I", state.mark_a), ("b", "O", state.mark_b))
+        if stamp is not None
+    )
 
 
 def _area(moment: Moment, stamps: np.ndarray, rates: np.ndarray) -> str:
     """The event rate as an area that stands on the floor."""
     if len(stamps) == 0:
         return ""
-    top, height = max(float(rates.max()), 1e-9), _FLOOR - 6
+    top, height = max(float(rates.max()), 1e-9), _FLOOR - 8
     points = [
         (place_of(moment, float(t)), _FLOOR - height * float(r) / top) for t, r in zip(stamps, rates, strict=True)
     ]
@@ -105,10 +143,17 @@ def _area(moment: Moment, stamps: np.ndarray, rates: np.ndarray) -> str:
     return f"M0 {_FLOOR} L0 {points[0][1]:.1f} {line} L{points[-1][0]:.1f} {_FLOOR} Z"
 
 
-def _bars(moment: Moment, held: Cached) -> str:
-    states = _boxes(moment, held.states, _FLOOR + 4, 3, "var(--kept)")
-    frames = _boxes(moment, held.frames, _FLOOR + 3, 5, "var(--exact)")
-    return f'<rect x="0" y="{_FLOOR + 4}" width="{AXIS_WIDTH}" height="3" fill="#ffffff14"/>{states}{frames}'
+def _lane(moment: Moment, held: Cached, approximate: range, changed: range) -> str:
+    """What the engine holds of each window, and where the network is changed."""
+    top = _FLOOR + 2
+    cold = f'<rect x="0" y="{top}" width="{AXIS_WIDTH}" height="{_LANE}" fill="var(--cold)"/>'
+    lanes = (
+        _boxes(moment, held.states, top, _LANE, "var(--kept)"),
+        _boxes(moment, held.frames, top, _LANE, "var(--exact)"),
+        _boxes(moment, (approximate,), top, _LANE, "var(--warning)"),
+        _boxes(moment, (changed,), _FLOOR - 2, 3, "var(--accent-strong)"),
+    )
+    return cold + "".join(lanes)
 
 
 def _boxes(moment: Moment, ranges: Sequence[range], y: int, height: int, colour: str) -> str:
@@ -142,17 +187,3 @@ def _seconds(moment: Moment) -> str:
 def _tick(at: float, text: str) -> str:
     side = "et-tick-first" if at < 0.01 else "et-tick-last" if at > 0.985 else "et-tick"
     return f'<span class="{side}" style="left:{at:.2%}">{escape(text)}</span>'
-
-
-def timeline_key_html(moment: Moment) -> str:
-    """What the colours of the strip mean."""
-    truth = moment.recording.ground_truth
-    frames = '<span class="et-swatch"><i style="background:#aab0bd;width:2px;border-radius:0"></i>camera frames</span>'
-    key = (
-        '<div class="et-swatches">'
-        '<span class="et-swatch"><i style="background:#7d8595;border-radius:2px"></i>event rate</span>'
-        '<span class="et-swatch"><i style="background:var(--exact);border-radius:2px"></i>frame cached</span>'
-        '<span class="et-swatch"><i style="background:var(--kept);border-radius:2px"></i>state kept</span>'
-        f"{frames if truth is not None and len(truth) else ''}</div>"
-    )
-    return panel("timeline-key", key)

@@ -1,66 +1,53 @@
-"""The timeline and what moves along it: one strip, one slider that lies over it, five buttons, speed, typed time."""
+"""The timeline and what moves along it: buttons of our own, the strip, and viser's slider for who cannot see it."""
 
 from __future__ import annotations
 
 import viser
 
-from app.html.choices import SPEEDS
+from app.html.elements import escape
 from app.html.live import live_line
+from app.html.moment import PICTURES
+from app.html.tones import Tones
+from app.html.units import count, seconds
 from app.state import intents as ask
+from app.views.compare.state import CompareState
+from app.views.inspect.state import InspectState
 from app.views.page import Page
-from app.views.panel import Dispatch, Html, Panel, assign, on_press, on_visitor
-from app.views.timeline.html import now_html, timeline_html, timeline_key_html
+from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
+from app.views.reconstruction.state import tones_in
+from app.views.timeline.html import timeline_html
+from app.views.timeline.transport import legend_html, marks_html, now_html, speed_html, transport_html
+from etnet.render.encode import data_url
+from etnet.render.tone import tone_map
 
-EVERY_FRAME = "every window"
-CHOICES: dict[str, ask.ChooseSpeed] = {
-    EVERY_FRAME: ask.ChooseSpeed(0.1, waits_for_frames=True),
-    **{words: ask.ChooseSpeed(speed) for words, speed in SPEEDS.items()},
-}
 _WAITING = '<div class="etv-strip"></div>'
+_NOTHING_HOVERED = '<i class="etv-hovered"></i>'
 
 
 class TimelinePanel(Panel):
     """The strip at the foot of the page."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """In the order in which `static/page/theme.css` puts them on a grid."""
+        """In the order in which `static/page/page.css` puts them on a grid."""
+        self._transport = Html(gui)
         self._now = Html(gui)
         self._strip = Html(gui, _WAITING)
         self._slider = gui.add_slider("Window", 0, 1, 1, 0)
-        buttons = (
-            ("First window", viser.Icon.PLAYER_SKIP_BACK, ask.Seek(0)),
-            ("Previous window", viser.Icon.PLAYER_TRACK_PREV, ask.Move(-1)),
-            ("Play", viser.Icon.PLAYER_PLAY, ask.TogglePlay()),
-            ("Next window", viser.Icon.PLAYER_TRACK_NEXT, ask.Move(1)),
-            ("Last window", viser.Icon.PLAYER_SKIP_FORWARD, ask.Seek(10**9)),
-        )
-        made = [gui.add_button(label, icon=icon) for label, icon, _ in buttons]
-        for button, (_, _, intent) in zip(made, buttons, strict=True):
-            on_press(button, intent, dispatch)
-        self._play = made[2]
-        self._speed = gui.add_dropdown("Speed", tuple(CHOICES), initial_value="1/10 of real time")
-        self._loop = gui.add_checkbox("Loop", True)
         self._time = gui.add_number("Time (s)", 0.0, min=0.0, step=0.001)
+        self._hovered = Html(gui, _NOTHING_HOVERED)
+        self._ruler = Html(gui, '<div class="etv-ruler"></div>')
         on_visitor(self._slider, lambda value: ask.Seek(int(value)), dispatch)
-        on_visitor(self._speed, CHOICES.get, dispatch)
-        on_visitor(self._loop, lambda value: ask.SetLoop(bool(value)), dispatch)
         on_visitor(self._time, lambda value: ask.SeekTime(float(value)), dispatch)
-        self._is_playing = False
 
     def show(self, page: Page) -> None:
         """Move the head, redraw what is cached, and set the widgets to what is so."""
         state = page.state
-        assign(self._speed, _speed_words(state.speed, state.waits_for_frames))
-        assign(self._loop, state.loops)
-        runs = state.is_playing or page.follows
-        if runs != self._is_playing:
-            self._is_playing = runs
-            self._play.label = "Pause" if runs else "Play"
-            self._play.icon = viser.Icon.PLAYER_PAUSE if runs else viser.Icon.PLAYER_PLAY
+        moment = page.placed if page.moment is None else page.moment
         live = ""
         if page.live is not None:
             live = live_line(page.live, page.is_live, page.follows, page.gone, state.is_public)
-        moment = page.placed if page.moment is None else page.moment
+        self._transport.show(transport_html(state, runs=state.is_playing or page.follows))
+        self._hovered.show(hovered_html(page))
         if moment is None:
             self._now.show(f'<div class="etv-now">{live}</div>' if live else "")
             self._strip.show(_WAITING)
@@ -72,9 +59,56 @@ class TimelinePanel(Panel):
             self._slider.max = last
         assign(self._slider, state.index)
         assign(self._time, round(max(moment.seconds[1], 0.0), 3))
-        self._now.show(f'<div class="etv-now">{now_html(moment)}{live or timeline_key_html(moment)}</div>')
-        self._strip.show(f'<div class="etv-strip">{timeline_html(moment, page.cached, over=page.over_timeline)}</div>')
+        approximate, changed = approximate_windows(page), changed_windows(page)
+        legend = legend_html(moment, is_approximate=bool(approximate), is_changed=bool(changed), measure=_measure(page))
+        marks = marks_html(moment, state)
+        beside = live or f'<span class="etv-beside">{marks}{legend}{speed_html(state)}</span>'
+        self._now.show(f'<div class="etv-now">{now_html(moment)}{beside}</div>')
+        strip = timeline_html(
+            moment, page.cached, state, approximate=approximate, changed=changed, over=page.over_timeline
+        )
+        self._strip.show(f'<div class="etv-strip">{strip}</div>')
 
 
-def _speed_words(speed: float, waits_for_frames: bool) -> str:
-    return EVERY_FRAME if waits_for_frames else min(SPEEDS, key=lambda words: abs(SPEEDS[words] - speed))
+def _measure(page: Page) -> str:
+    """What the curves over the strip are of, if there are any."""
+    return page.state.of(CompareState).measure.upper() if page.over_timeline else ""
+
+
+def approximate_windows(page: Page) -> range:
+    """The window whose frame is a preview from a cold start, if the page shows one."""
+    ready = page.ready
+    if ready is None or not ready.is_approximate:
+        return range(0)
+    return range(ready.request.index, ready.request.index + 1)
+
+
+def changed_windows(page: Page) -> range:
+    """The windows in which something is changed on purpose."""
+    change = page.state.of(InspectState).change
+    if change.is_nothing or page.moment is None:
+        return range(0)
+    if change.since is None:
+        return range(page.state.index, page.state.index + 1)
+    return range(change.since, len(page.moment.windows))
+
+
+def hovered_html(page: Page) -> str:
+    """What the pointer is over, for `static/page/channel.js`, which shows it beside the pointer."""
+    hovered = page.hovered
+    if hovered is None or page.moment is None:
+        return _NOTHING_HOVERED
+    words = f"{seconds(hovered.seconds)} · window {count(hovered.index)}"
+    picture = ""
+    if hovered.frame is not None:
+        tones = tones_in(page.state, page.model.is_linear_light)
+        frame, key = hovered.frame, (*hovered.key, tones)
+        picture = PICTURES.text(("thumbnail", *key), lambda: _small(frame, tones))
+    return (
+        f'<i class="etv-hovered" data-at="{hovered.seconds:.4f}" data-words="{escape(words)}"'
+        f' data-picture="{picture}"></i>'
+    )
+
+
+def _small(frame, tones: Tones) -> str:
+    return data_url(tone_map(frame, tones.tone, tones.is_linear_light), is_lossless=False)

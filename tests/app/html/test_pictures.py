@@ -54,7 +54,7 @@ def test_what_is_not_exact_never_says_so(ready, exact, approximate, says):
 def test_a_panel_that_lags_is_dimmed_and_says_what_it_shows_and_computes(ready):
     working = Working(request(23), 14, 19, "replaying")
     page = Checker(reconstruction_html(ready, tones=TONES, wanted=23, working=working))
-    assert "showing 4, computing 23 (14 of 19)" in page.text
+    assert "Frame 23: warm-up 14 of 19 · shows frame 4" in page.text
     assert any(attrs.get("class") == "et-lags" for _, attrs in page.tags)
 
 

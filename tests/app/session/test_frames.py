@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.session.frames import NewestFrames
 from app.state.view_state import ViewState
+from etnet.events.cleaning import Cleaning
 from etnet.windows import ByCount
 from tests.app.stand_ins import CONTRACT
 
@@ -75,3 +76,16 @@ def test_the_same_request_is_asked_once():
     assert answers.ask(REQUEST)
     assert not answers.ask(REQUEST)
     assert answers.ask(replace(REQUEST, wants_attention=True))
+
+
+def test_the_badge_belongs_to_the_picture_when_filter_windows_or_network_change():
+    answers = NewestFrames()
+    first = FrameRequest("a", "m", "fp32", ByCount(100), 5)
+    answers.ask(first)
+    answers.take(ready(first))
+    assert answers.ready.is_exact
+    answers.ask(replace(first, cleaning=Cleaning(True)))
+    assert answers.ready.is_former
+    assert not answers.ready.is_exact
+    answers.take(ready(replace(first, cleaning=Cleaning(True))))
+    assert not answers.ready.is_former

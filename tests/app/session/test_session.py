@@ -51,7 +51,7 @@ def test_the_event_view_follows_the_slider_while_the_model_is_busy(viewer):
         await browser.use(browser.widget("Window"), 25)
         await browser.until_shown("window 25 of 0 – 29")
         assert time.monotonic() - began < 5
-        await browser.until_shown("showing 0, computing 25 (14 of 19)")
+        await browser.until_shown("Frame 25: warm-up 14 of 19 · shows frame 0")
 
     try:
         visit(viewer, story, tab=21)
@@ -88,8 +88,8 @@ def test_messages_that_make_no_sense_change_nothing(viewer):
         for text in ("", "pick", "pick|pixel|x|y|1", "pick|pixel|nan|inf|1", "pick|head:many|0|0|1", "hello|a|b|c|1",
                      "size|-1|x|1", "|" * 500, "pick|bin:|0|0|9|9"):  # fmt: skip
             await browser.use(browser.widget("channel"), text)
-        for value in ("no such speed", 7, None, [1, 2], {"a": 1}):
-            await browser.use(browser.widget("Speed"), value)
+        for value in ("no such time", None, [1, 2], {"a": 1}):
+            await browser.use(browser.widget("Time (s)"), value)
         await browser.use(browser.widget("Window"), 3)
         await browser.until_shown("window 3 of 0 – 29")
 
@@ -191,10 +191,49 @@ def test_other_windows_are_planned_live_and_the_moment_stays(viewer):
     visit(viewer, story, tab=46)
 
 
+def test_a_recording_that_cannot_be_opened_leaves_the_present_one_alone(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("Window"), 9)
+        await browser.until_shown("Reconstruction of window 9")
+        await browser.use(browser.widget("channel"), "pick|open:broken|0|0|1")
+        await browser.until(lambda: browser.notices)
+        await browser.until_shown("window 9 <i>of 0 – 29")
+        assert "Reconstruction of window 9" in browser.html()
+        await browser.use(browser.widget("channel"), "pick|open:broken|0|0|2")
+        await browser.until(lambda: len(browser.notices) > 1)
+        await browser.use(browser.widget("channel"), "pick|timeline:on|0|0|3")
+        await browser.until_shown("Reconstruction of window 10")
+
+    visit(viewer, story, tab=61)
+
+
+def test_where_the_pointer_is_stands_in_the_page_only_while_it_hovers(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("channel"), "hover|0.1000|1")
+        await browser.until_shown('data-words="0.100 s · window 9"')
+        await browser.use(browser.widget("channel"), "hover||2")
+        await browser.until(lambda: "data-words" not in browser.html())
+
+    visit(viewer, story, tab=62)
+
+
+def test_a_filter_is_asked_of_the_engine_and_stays_at_the_moment(viewer):
+    async def story(browser):
+        await browser.use(browser.widget("Window"), 9)
+        await browser.until_shown("Reconstruction of window 9")
+        await browser.use(browser.widget("channel"), "pick|filter:20ms|0|0|1")
+        await browser.until(lambda: viewer.engine.requests[-1][1].cleaning.support_within == 20_000)
+        await browser.until_shown("window 9 <i>of 0 – 29")
+        await browser.use(browser.widget("channel"), "pick|tab:filter|0|0|2")
+        await browser.until_shown("removes ")
+
+    visit(viewer, story, tab=63)
+
+
 def test_playing_waits_for_each_image_when_told_to_and_stops_at_a_touch(viewer):
     async def story(browser):
-        await browser.use(browser.widget("Speed"), "every image")
-        await browser.use(browser.widget("Play"), True)
+        await browser.use(browser.widget("channel"), "pick|timeline:speed step|0|0|1")
+        await browser.use(browser.widget("channel"), "pick|timeline:play|0|0|2")
         await browser.until_shown("Reconstruction of window 18")
         shown = [request.index for _, request in viewer.engine.requests if request.recording_id == "a"]
         assert shown[-3:] == list(range(shown[-3], shown[-3] + 3))

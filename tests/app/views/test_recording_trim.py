@@ -25,7 +25,7 @@ from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.jobs.cut import TrimJob, trim_jobs
-from app.views.recording.state import TRIM_SLOT, DropTrim, MarkTrim, RecordingState, Trim
+from app.views.recording.state import TRIM_SLOT, DropTrim, RecordingState, Trim
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
 from etnet.windows import BetweenFrames, ByCount, plan_windows
@@ -47,9 +47,9 @@ def marked(opened, policy, first=None, last=None, order=(0, 1)):
     limits = Limits(opened.sensor, windows, opened.span.start)
     state = replace(STATE, policy=policy)
     for mark in order:
-        index, end = ((first, "from"), (last, "to"))[mark]
+        index, end = ((first, "a"), (last, "b"))[mark]
         if index is not None:
-            state = reduce(reduce(state, ask.Seek(index), limits), MarkTrim(end), limits)
+            state = reduce(reduce(state, ask.Seek(index), limits), ask.MarkHere(end), limits)
     return reduce(state, Trim(), limits), windows
 
 
@@ -87,7 +87,7 @@ def test_a_cut_is_the_events_of_the_marked_windows_whatever_the_order_of_the_mar
     for order in ((0, 1), (1, 0)):
         state, windows = marked(opened, ByCount(100), first, last, order)
         excerpt = state.of(RecordingState).cut.excerpt
-        assert (excerpt.begin.event, excerpt.end.event) == (windows[first].start, windows[last].stop)
+        assert (excerpt.start, excerpt.stop) == (windows[first].start, windows[last].stop)
     with tempfile.TemporaryDirectory() as folder, cut(state, opened, Path(folder)) as part:
         whole = opened.read(windows[first].start, windows[last].stop)
         assert_same_events(part.read(0, part.num_events), whole)
@@ -96,32 +96,30 @@ def test_a_cut_is_the_events_of_the_marked_windows_whatever_the_order_of_the_mar
 def test_marks_that_cross_leave_the_newer_one_and_one_mark_reaches_to_the_end():
     opened = recording(num_events=1200)
     state, windows = marked(opened, ByCount(100), 8, 2)
-    assert state.of(RecordingState).excerpt.begin is None
-    assert state.of(RecordingState).excerpt.end.event == windows[2].stop
+    excerpt = state.of(RecordingState).cut.excerpt
+    assert (excerpt.start, excerpt.stop) == (0, windows[2].stop)
     state, _ = marked(opened, ByCount(100), 8, 2, order=(1, 0))
-    assert state.of(RecordingState).excerpt.begin.event == windows[8].start
-    assert state.of(RecordingState).excerpt.end is None
+    excerpt = state.of(RecordingState).cut.excerpt
+    assert (excerpt.start, excerpt.stop) == (windows[8].start, 1200)
 
 
 def test_marks_belong_to_their_recording():
     opened = recording(num_events=1200)
     state, windows = marked(opened, ByCount(100), 8)
-    elsewhere = replace(state, recording_id="b")
     limits = Limits(opened.sensor, windows)
-    again = reduce(reduce(elsewhere, DropTrim(), limits), Trim(), limits)
-    assert again.of(RecordingState).cut is None
-    assert reduce(elsewhere, MarkTrim("to"), limits).of(RecordingState).excerpt.begin is None
+    elsewhere = reduce(reduce(state, DropTrim(), limits), ask.OpenRecording("b"), limits)
+    assert reduce(elsewhere, Trim(), limits).of(RecordingState).cut is None
 
 
 def test_without_a_mark_or_a_recording_nothing_is_cut():
     assert reduce(STATE, Trim(), Limits()).of(RecordingState).cut is None
-    assert reduce(STATE, MarkTrim("from"), Limits()).of(RecordingState).excerpt.begin is None
+    assert reduce(STATE, ask.MarkHere("a"), Limits()).mark_a is None
     assert trim_jobs(STATE, FrameRequest("a", "m", "fp32", BetweenFrames(), 0)) == {}
 
 
 def test_the_public_cannot_cut_and_a_browser_keeps_no_order():
     state, _ = marked(recording(), BetweenFrames(), 3, 7)
-    assert not any(may_ask(intent, VIEWS) for intent in (Trim(), MarkTrim("to"), DropTrim()))
+    assert not any(may_ask(intent, VIEWS) for intent in (Trim(), DropTrim()))
     assert from_text(to_text(state), STATE)[0].of(RecordingState).cut is None
     request = FrameRequest("a", "m", "fp32", BetweenFrames(), 0)
     assert set(trim_jobs(state, request)) == {TRIM_SLOT}
@@ -158,18 +156,18 @@ def test_a_visitor_marks_a_stretch_cuts_it_and_the_browser_saves_it():
             async with Browser.open(viewer.port, tab=81) as browser:
                 await browser.until_shown("Reconstruction of window 0")
                 await browser.use(browser.widget("channel"), "pick|tab:recording|0|0|1")
-                await browser.until_shown("recording:from")
+                await browser.until_shown("timeline:a")
                 await story(viewer, browser)
 
     async def story(viewer, browser):
         say = lambda text: browser.use(browser.widget("channel"), press(text))  # noqa: E731
         asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == TRIM_SLOT]  # noqa: E731
         assert "recording:trim" not in browser.html()
-        await say("recording:from")
+        await say("timeline:a")
         await browser.until_shown("0.000 s … ")
         await browser.use(browser.widget("Window"), 20)
         await browser.until_shown("window 20 of 0 – 29")
-        await say("recording:to")
+        await say("timeline:b")
         await browser.until_shown("0.000 s … 0.210 s, ")
         await say("recording:trim")
         await browser.until_shown("recording:drop")
@@ -190,12 +188,10 @@ def test_a_cut_that_failed_says_why_and_another_mark_takes_it_away():
     opened = recording()
     state, windows = marked(opened, BetweenFrames(), 3, 7)
     moment = Moment("a", BetweenFrames(), 7, opened, windows)
-    html = excerpt_html(
-        moment, state.of(RecordingState), JobResult(TrimJob(state.of(RecordingState).cut), trouble="no <space>")
-    )
+    html = excerpt_html(moment, state, JobResult(TrimJob(state.of(RecordingState).cut), trouble="no <space>"))
     assert "no &lt;space&gt;" in html
-    assert "recording:from" in html
-    state = reduce(state, MarkTrim("to"), Limits(SENSOR, windows))
-    assert "no &lt;space" not in excerpt_html(moment, state.of(RecordingState), None)
-    for word in ("from", "to", "trim", "drop"):
+    assert "timeline:a" in html
+    state = reduce(state, ask.MarkHere("b"), Limits(SENSOR, windows))
+    assert "no &lt;space" not in excerpt_html(moment, state, None)
+    for word in ("trim", "drop"):
         assert parse(press(f"recording:{word}"), VIEWS) is not None

@@ -16,7 +16,7 @@ from app.state.run import Run
 from app.views.compare.state import CompareState
 from app.views.page import Page, RunFrame
 from app.views.reconstruction.state import tones_in
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
 from etnet.windows import Window
 
 NAMES = ("A", "B", "C", "D")
@@ -98,10 +98,15 @@ class RunShown:
 
     @property
     def warm_up_seconds(self) -> float | None:
-        """Recording seconds until it is called warm, at the rate of the current window; 0 when it is."""
+        """Recording seconds until it is called warm, at the rate of the current window; 0 when it is. `None` where
+        nothing is known, and infinite where the recording ends before."""
         if self.request is None or self.window is None:
             return None
         left = max(self.warm_up - self.request.index, 0)
+        if self.ready is not None and self.ready.request.index == self.request.index and self.ready.warm_up:
+            left = self.ready.warm_up - self.ready.num_seen
+        if left > self.num_windows - 1 - self.request.index:
+            return float("inf") if left else 0.0
         return left * (self.window.t_stop - self.window.t_start) / 1e6
 
     def with_values(self, values: Mapping[str, float] | None) -> RunShown:
@@ -149,6 +154,8 @@ def cleaning_words(cleaning: Cleaning) -> str:
     """What is taken out."""
     parts = ["hot pixels"] if cleaning.hot_pixels else []
     if cleaning.support_within:
+        if cleaning.neighbours > 1:
+            return f"without {cleaning.text}"
         parts.append(f"what no neighbour supports within {milliseconds(cleaning.support_within / 1000)}")
     return f"without {' and '.join(parts)}" if parts else "events as recorded"
 

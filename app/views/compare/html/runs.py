@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -198,10 +199,12 @@ def _given(moment: Moment, run: RunShown) -> str:
     dense = run.events_per_pixel(moment.recording.sensor.num_pixels) or 0.0
     left = run.warm_up_seconds
     since = "" if run.run.cold_from is None else f" · cold start at {_when(moment, run.run.cold_from)}"
-    memory = f"warming up: {seconds(left)} to go{since}" if left else f"warm{since}"
+    memory = f"warm{since}"
+    if left:
+        memory = f"warm-up: {f'{seconds(left)} to go' if isfinite(left) else 'not warm in this recording'}{since}"
     return (
         f'<div class="et-note">{density_html(dense, run.trained_band)} events per pixel</div>'
-        f'<div class="et-note">window {run.request.index} of {run.num_windows} · {escape(memory)}</div>'
+        f'<div class="et-note">window {run.request.index} of 0 – {run.num_windows - 1} · {escape(memory)}</div>'
     )
 
 

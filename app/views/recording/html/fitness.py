@@ -9,8 +9,8 @@ import numpy as np
 from app.html.elements import ON_PICK, empty, escape, panel
 from app.html.moment import ARRAYS, Moment
 from app.html.provenance import ModelFacts
+from app.html.timeline_marks import curve_of, plan_of
 from app.html.units import count, milliseconds, short
-from app.views.timeline.html import curve_of, plan_of
 
 if TYPE_CHECKING:
     from app.engine.jobs import JobResult

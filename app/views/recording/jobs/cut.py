@@ -31,7 +31,9 @@ class TrimJob:
     def request(self) -> FrameRequest:
         """The playback whose events these are."""
         order = self.order
-        return FrameRequest(order.excerpt.recording_id, order.model_id, order.precision, order.policy, 0)
+        return FrameRequest(
+            order.excerpt.recording_id, order.model_id, order.precision, order.policy, 0, cleaning=order.cleaning
+        )
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Download | None, float]]:
         """A moment's wait for the writer between two yields; it needs no step of the network."""
@@ -61,12 +63,7 @@ def _write(order: TrimOrder, recording: Recording, path: Path, writer: Writer) -
     from etnet.events.write import write_recording
 
     excerpt = order.excerpt
-    start = 0 if excerpt.begin is None else excerpt.begin.event
-    stop = recording.num_events if excerpt.end is None else excerpt.end.event
-    span = (
-        recording.span.start if excerpt.begin is None else excerpt.begin.stamp,
-        recording.span.stop if excerpt.end is None else excerpt.end.stamp,
-    )
+    start, stop, span = excerpt.start, excerpt.stop, excerpt.span
     if start >= stop:
         raise EtnetError("there is no event between the marks; mark a longer stretch")
 

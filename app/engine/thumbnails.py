@@ -1,0 +1,70 @@
+"""Small copies of exact frames, at hand for any thread: what a pointer over the timeline sees."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from threading import Lock
+
+import cv2
+import numpy as np
+from jaxtyping import Float16, Float32
+
+from app.catalogue.recording_id import is_of
+from app.engine.requests import FrameRequest
+
+LARGEST = 8 << 20
+"""Bytes of all visitors' small frames: some 400 of them."""
+WIDTH = 116
+"""Pixels of a small frame at most."""
+
+
+class Thumbnails:
+    """The newest small frames by what was asked for; the oldest go when there is no room."""
+
+    def __init__(self, largest: int = LARGEST) -> None:
+        self._largest = largest
+        self._held: OrderedDict[tuple[object, ...], Float16[np.ndarray, "h w"]] = OrderedDict()
+        self._nbytes = 0
+        self._lock = Lock()
+
+    def keep(self, request: FrameRequest, frame: Float32[np.ndarray, "h w"]) -> None:
+        """Keep a small copy of an exact frame, unless it is held."""
+        key = thumbnail_key(request)
+        with self._lock:
+            if key in self._held:
+                return
+        small = _small(frame)
+        with self._lock:
+            self._held[key] = small
+            self._nbytes += small.nbytes
+            while self._nbytes > self._largest:
+                self._nbytes -= self._held.popitem(last=False)[1].nbytes
+
+    def find(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
+        """The small frame of a request; `None` where none is held."""
+        with self._lock:
+            small = self._held.get(thumbnail_key(request))
+        return None if small is None else small.astype(np.float32)
+
+    def forget(self, recording_id: str) -> None:
+        """Forget a recording's frames."""
+        with self._lock:
+            for key in [key for key in self._held if is_of(str(key[0]), recording_id)]:
+                self._nbytes -= self._held.pop(key).nbytes
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        return self._nbytes
+
+
+def thumbnail_key(request: FrameRequest) -> tuple[object, ...]:
+    """What tells a frame from every other."""
+    return (*request.playback, *request.frame)
+
+
+def _small(frame: Float32[np.ndarray, "h w"]) -> Float16[np.ndarray, "h w"]:
+    height, width = frame.shape
+    factor = min(WIDTH / width, 1.0)
+    size = max(round(width * factor), 1), max(round(height * factor), 1)
+    return cv2.resize(frame, size, interpolation=cv2.INTER_AREA).astype(np.float16)
