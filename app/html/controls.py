@@ -59,7 +59,8 @@ def part_words(name: str) -> tuple[str, str]:
         case "scale":
             return f"Scale {resolution(int(number))}", "this scale is left out of TPA’s mean"
         case "skip":
-            return f"Skip {resolution(int(number))}", "this skip connection carries nothing"
+            at = "head" if number == "0" else resolution(int(number))
+            return f"Skip, {at}", "this skip connection carries nothing"
     return name, ""
 
 

@@ -1,4 +1,4 @@
-"""Query → site → head → pin → intervene, and back to the exact original, in a real browser with the real network."""
+"""Pixel → atlas → head → mask → twin → reset, two pinned moments, and the keys of a map, in a real browser."""
 
 from tests.browser.chromium import open_page, until_window
 
@@ -9,71 +9,92 @@ def click(page, key):
     page.locator(f"[data-k='{key}']:visible").first.click()
 
 
-def look_at(page, words):
-    page.get_by_label("Look at").first.click()
-    page.get_by_role("option", name=words, exact=True).click()
-
-
-def test_from_a_pixel_to_a_head_two_pins_and_a_change_and_back(page):
+def choose_pixel(page):
     until_window(page, 20)
     page.get_by_test_id("reconstruction").locator("img").first.click()
-    page.get_by_text("What pixel (").wait_for()
 
-    page.get_by_test_id(SITE).locator("img").click()
-    click(page, "head:3")
-    page.get_by_test_id("map-facts").get_by_text("weights sum to 1.0000").wait_for()
-    page.get_by_role("button", name="Pin as A").click()
-    page.get_by_test_id("pinned").get_by_text("head 4").wait_for()
-    page.get_by_role("button", name="All sites").click()
+
+def to_attention(page):
+    choose_pixel(page)
+    click(page, "workspace:attention")
+    page.get_by_test_id("peak").wait_for()
+
+
+def test_from_a_pixel_to_a_head_a_mask_its_twin_and_back(page):
+    to_attention(page)
     page.get_by_test_id(OTHER).locator("img").click()
-    page.get_by_role("button", name="Pin as B").click()
-    page.get_by_test_id("a-minus-b").get_by_text("of their weight").wait_for()
+    page.get_by_test_id("map-line").get_by_text(OTHER).wait_for()
+    click(page, "set:attention.head:3")
+    click(page, f"inspect:switch:head {OTHER} 3")
+    page.get_by_test_id("change-in-bar").get_by_text("head 3 of 1/8 encoder 2, self masked").wait_for()
+    page.locator(".et-mark").get_by_text("head 3 masked").wait_for()
+    page.get_by_test_id("change-mark").first.wait_for(state="attached")
 
-    original = page.get_by_test_id("reconstruction").locator("img").first.get_attribute("src")
-    page.get_by_role("tab", name="Inside").click()
-    page.get_by_text("While nothing is open here, nothing is computed for it.").wait_for()
-    look_at(page, "Change something")
-    click(page, f"inside:switch:head {OTHER} 3")
-    click(page, "inside:switch:skip 1")
-    page.get_by_test_id("outcome").get_by_text("LPIPS").wait_for()
-    page.get_by_test_id("changed").get_by_text("no skip 1/2 · 1 × head muted").wait_for()
+    click(page, "workspace:inspect")
     page.get_by_test_id("chip-warning").filter(has_text="changed").first.wait_for()
-    assert page.get_by_test_id("chip-exact").count() == 0
-    assert page.get_by_test_id("reconstruction").locator("img").first.get_attribute("src") != original
-
-    page.get_by_role("button", name="Put everything back").click()
+    click(page, "set:inspect.opened:twin")
+    page.get_by_test_id("twin-pair").wait_for()
+    click(page, "inspect:reset")
     page.get_by_test_id("chip-exact").first.wait_for()
-    assert page.get_by_test_id("reconstruction").locator("img").first.get_attribute("src") == original
+    assert page.get_by_test_id("change-in-bar").count() == 0
+
+
+def test_two_moments_are_pinned_and_compared(page):
+    to_attention(page)
+    click(page, "attention:pin:a")
+    page.get_by_test_id("a-minus-b").get_by_text("share 100 %").wait_for()
+    page.locator("body").press("l")
+    until_window(page, 21)
+    page.get_by_test_id("pinned").get_by_text("window 20").wait_for()
+    click(page, "attention:pin:b")
+    page.get_by_test_id("pinned").get_by_text("window 21").wait_for()
+    click(page, "attention:compare:none")
+    page.get_by_test_id("peak").wait_for()
+
+
+def test_keys_move_the_query_the_site_and_the_head_while_a_map_has_the_focus(page):
+    to_attention(page)
+    before = page.get_by_test_id("token").inner_text()
+    page.keyboard.press("2")  # no map has the focus: this is the workspace's key
+    page.get_by_test_id("peak").wait_for()
+    page.locator("[data-card='attention.map'] [data-etv-values]").click()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function("before => document.querySelector('[data-testid=token]').innerText !== before", arg=before)
+    page.keyboard.press("2")
+    page.get_by_test_id("head-2").and_(page.locator(".et-chosen")).wait_for()
+    page.keyboard.press("]")
+    page.wait_for_function("site => !document.querySelector(`[data-etv-site='${site}'].et-chosen`)", arg=SITE)
+
+
+def test_the_number_under_the_pointer_is_told_without_the_server(page):
+    to_attention(page)
+    page.locator("[data-card='attention.map'] [data-etv-values]").hover()
+    page.locator("[data-card='attention.map'] [data-etv-readout]").get_by_text("× uniform").wait_for()
+    assert page.locator("[data-card='attention.map'] [data-etv-readout]").inner_text().startswith("token ")
+
+
+def test_what_a_pixel_owes_to_each_part_stands_there_without_a_click_more(page):
+    choose_pixel(page)
+    page.get_by_test_id("moved").nth(4).wait_for()
+    click(page, "set:inspect.opened:matters")
+    page.get_by_test_id("verdict").get_by_text("At this pixel").wait_for()
+    assert page.get_by_test_id("part").count() == 8
 
 
 def test_a_change_that_is_carried_on_begins_at_its_window(page):
     until_window(page, 20)
-    page.get_by_role("tab", name="Inside").click()
-    look_at(page, "Change something")
-    click(page, "inside:carry:on")
-    click(page, "inside:edit:drop:0.9")
+    click(page, "set:inspect.opened:change")
+    click(page, "inspect:scope:on")
+    click(page, "inspect:edit:drop:0.9")
     page.get_by_test_id("outcome").wait_for()
     page.locator("body").press("j")
     page.get_by_text("It begins at window 20: here the image is original.").wait_for()
     page.get_by_test_id("chip-exact").first.wait_for()
 
 
-def test_what_matters_is_told_and_follows_the_pixel(page):
-    until_window(page, 20)
-    page.get_by_role("tab", name="Inside").click()
-    look_at(page, "What matters here")
-    page.get_by_test_id("verdict").get_by_text("decides most").wait_for()
-    assert page.get_by_test_id("part").count() == 8
-    page.get_by_test_id("reconstruction").locator("img").first.click()
-    page.get_by_test_id("verdict").get_by_text("At this pixel").wait_for()
-    page.get_by_test_id("attended").get_by_text("handed over").first.wait_for()
-
-
-def test_on_a_phone_a_finger_can_choose_from_a_list(browser, viewer):
+def test_on_a_phone_a_finger_can_open_an_inspector(browser, viewer):
     phone = open_page(browser, viewer.url, 390, 844)
-    phone.get_by_text("Inside", exact=True).first.tap()
-    phone.get_by_label("Look at").first.tap()
-    phone.get_by_role("option", name="What matters here", exact=True).tap()
+    phone.get_by_test_id("open-matters").tap()
     phone.get_by_test_id("verdict").get_by_text("decides most").wait_for()
     assert phone.errors == []
     phone.context.close()

@@ -58,7 +58,7 @@ def _of_the_network(intervention: Intervention) -> list[str]:
         (intervention.zeroed_levels, "state {} zeroed"),
         (intervention.frozen_levels, "state {} frozen"),
     ):
-        said += [words.format(resolution(number)) for number in sorted(numbers)]
+        said += [words.format(resolution(number) if number else "head") for number in sorted(numbers)]
     return said
 
 

@@ -62,7 +62,7 @@ def inspector_html(page: Page) -> str:
         return note + bars + code_of(page) + list_html(lacks)
     title, _ = INSPECTORS[inside.opened]
     back = icon_button("set:inspect.opened:none", "previous", "All inspectors")
-    head = panel("inspector-head", f'<div class="et-inspector-head">{back}<h4>{title}</h4></div>')
+    head = panel("inspector-title", f'<div class="et-inspector-head">{back}<h4>{title}</h4></div>')
     if said := lacks.get(NEEDS.get(inside.opened, ""), ""):
         return head + panel("lacking", empty("Nothing to show", f"{said}."))
     return head + note + _opened(page, page.moment) + code_of(page)

@@ -132,7 +132,7 @@ def _switches(anatomy: Anatomy, intervention: Intervention, site: str, lacks: st
             parts += [switch(f"scale {resolution(scale)}", f"scale {scale}") for scale in anatomy.scales]
         rows.append(buttons("Ablate", "".join(parts)))
     if anatomy.skips:
-        skips = "".join(switch(resolution(level), f"skip {level}") for level in anatomy.skips)
+        skips = "".join(switch(resolution(level) if level else "head", f"skip {level}") for level in anatomy.skips)
         rows.append(buttons("Remove skip", skips))
     if anatomy.sites:
         name = site if site in anatomy.sites else anatomy.sites[0]
