@@ -10,6 +10,7 @@ from app.engine.requests import Failed, Ready, Working
 from app.html.attention.changed import change_words
 from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
+from app.html.reads import grey_reads
 from app.html.tones import Tones
 from app.html.units import count, milliseconds, short
 from etnet.errors import RecordingError
@@ -81,6 +82,7 @@ def reconstruction_html(
         key="pixel",
         marks=marks,
         size=(width, height),
+        reads=grey_reads(tones),
     )
     lags = "et-lags" if wanted not in (None, ready.request.index) else ""
     return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones, badge))
@@ -152,7 +154,7 @@ def camera_frame_html(moment: Moment, *, tones: Tones) -> str:
     height, width = grey.shape
     key = ("camera", moment.recording_id, stamp, tones)
     url = PICTURES.text(key, lambda: data_url(grey, is_lossless=False))
-    image = picture(url, "Camera frame", key="pixel", size=(width, height))
+    image = picture(url, "Camera frame", key="pixel", size=(width, height), reads=grey_reads(tones))
     offset = (stamp - moment.window.t_stop) / 1000
     when = "frame at window end" if abs(offset) < 0.05 else _beside(offset)
     return panel("camera", image, f'<div class="et-caption"><span>{escape(when)}</span></div>')

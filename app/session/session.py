@@ -330,7 +330,7 @@ class Session:
         self.drawn = time.monotonic(), page
 
     def _compared(self) -> tuple[Run, ...] | None:
-        """The runs that an open view shows beside the main one."""
+        """The runs that an open view compares, the main one first."""
         found = (view.runs(self._state) for view in open_views(self._state, self._views))
         return next((runs for runs in found if runs is not None), None)
 
