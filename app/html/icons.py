@@ -24,6 +24,7 @@ _PATHS = {
     "side": '<path d="M5 3v10M11 3v10M5 8h6"/>',
     "close": '<path d="M4 4l8 8M12 4l-8 8"/>',
     "code": '<path d="M5.5 4.5 2.5 8l3 3.500M10.5 4.500l3 3.5-3 3.5"/>',
+    "variance": '<path d="M8 2.500v6M5 5.500h6M4 13h8"/>',
     "pin": '<path d="M8 9.500V14M5 9.500h6L10 6V2.500H6V6z"/>',
 }
 

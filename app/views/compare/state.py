@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
@@ -140,6 +141,8 @@ def hear(words: str) -> Any:
         return AddRun()
     if verb == "cleaned":
         return AddRun(Run(cleaning=FILTERS["both"]))
+    if verb == "with":
+        return AddRun(Run(model_id=rest))
     place, _, word = rest.partition(":")
     number = int(place)
     match verb:
@@ -170,5 +173,8 @@ def _changed(number: int, name: Literal["model_id", "precision"], word: str) -> 
 def _windowed(number: int, word: str) -> Any:
     """Words are "milliseconds", which begins with its usual size, or "milliseconds:20"."""
     kind, _, size = word.partition(":")
-    policy = None if kind == AS_MAIN else policy_of(kind, float(size) if size else DEFAULTS.get(kind, 0.0))
+    number_ = float(size) if size else DEFAULTS.get(kind, 0.0)
+    if not math.isfinite(number_) or number_ < 0:
+        return None
+    policy = None if kind == AS_MAIN else policy_of(kind, number_)
     return ChangeRun(number, "policy", policy) if number else ask.ChoosePolicy(policy)

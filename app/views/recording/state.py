@@ -83,7 +83,7 @@ def reduce_recording(slice_: RecordingState, intent: Any, here: Here) -> Recordi
     state = here.state
     match intent:
         case ask.ShowWorkspace("recording"):
-            return replace(slice_, examines=True)
+            return replace(slice_, examines=True, fits=True)
         case MarkTrim(end):
             if here.window is None:
                 return slice_

@@ -12,6 +12,7 @@ from app.html.elements import chip, empty, escape, marker, picture
 from app.html.moment import PICTURES, Moment
 from app.html.pictures import lag_line, reconstruction_image
 from app.html.reads import grey_reads, ramp_reads
+from app.html.swipe import swiped
 from app.html.units import milliseconds, short
 from app.views.compare.html.heads import section
 from app.views.compare.html.run import SAME_TIME, RunShown, Truth, truth_frame
@@ -133,11 +134,8 @@ class _Draw:
     def _swiped(self, above: str, name: str) -> str:
         """The main run left of a line that a drag moves, another picture right of it."""
         sensor = self._moment.recording.sensor
-        return (
-            f'<div class="et-swipe" data-testid="swipe" style="--ratio:{sensor.width / sensor.height:.4f}">{above}'
-            f"<div>{self._frame(self._main)}</div><i></i>"
-            f'<span class="et-swiped">{self._main.name}</span><span class="et-swiped">{escape(name)}</span></div>'
-        )
+        names = self._main.name, name
+        return swiped(self._frame(self._main), above, names, sensor.width / sensor.height)
 
     def _picture(self, url: str, alt: str, reads: str, is_old: bool = False) -> str:
         sensor = self._moment.recording.sensor
