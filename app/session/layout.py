@@ -150,6 +150,18 @@ def close_modal(modal: GuiModalHandle | None) -> None:
         modal.close()
 
 
+def watch_canvas(client: viser.ClientHandle, tell: Callable[[], object]) -> None:
+    """Docks reach their width after the page is up, and windows are resized: `tell` when the canvas has another shape."""
+    seen = round(client.camera.aspect, 2)
+
+    @client.camera.on_update
+    async def _(camera: viser.CameraHandle) -> None:
+        nonlocal seen
+        if (aspect := round(camera.aspect, 2)) != seen:
+            seen = aspect
+            tell()
+
+
 def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None]) -> None:
     for label, key, intent in (*COMMANDS, ("Shortcuts and glossary", None, AskHelp())):
         command = gui.add_command(label, hotkey=key)  # pyright: ignore[reportArgumentType]  a key of viser's list

@@ -11,6 +11,7 @@ from app.engine.engine import Engine
 from app.engine.jobs import JobResult
 from app.html.moment import Moment
 from app.html.timeline_marks import Cached
+from app.session.booth import Booth
 from app.session.facts import facts_of
 from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
@@ -30,6 +31,7 @@ class PageComposer:
     frames: NewestFrames
     loader: RecordingLoader
     uploads: VisitorUploads | None
+    booth: Booth
 
     def page(
         self,
@@ -71,6 +73,9 @@ class PageComposer:
             is_live=limits.is_live,
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
+            mirror=self.booth.shown(moment, frames.index),
+            gives_home=self.booth.homes is not None,
+            public_url=self.booth.public_url,
         )
         opened = open_views(state, self.views)
         marking = dict.fromkeys((*opened, *changing_views(state, self.views)))
