@@ -11,15 +11,18 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 from urllib.parse import urlsplit
 
 from app.session.rehearsal import rehearse
 from etnet.errors import EtnetError
 
 if TYPE_CHECKING:
+    from app.catalogue.mirror import Mirrors
+    from app.catalogue.recordings import Catalogue
     from app.config import ViewerConfig
-    from app.main import Viewer
+    from app.engine.engine import Engine
+    from app.state.view_state import ViewState
 
 SLOWEST_STEP = 0.5
 """Seconds of one image above which the show looks like a slide show."""
@@ -28,6 +31,22 @@ FEWEST_MIRRORED = 5.0
 MIRROR_SECONDS = 3.0
 LEAST_DISK = 1 << 30
 STATIC = ("channel.js", "tidy.js", "booth.js", "camera.js", "demo.css", "help.html")
+
+
+class Running(Protocol):
+    """As much of a running viewer as is tried."""
+
+    catalogue: Catalogue
+    engine: Engine
+    default: ViewState
+    mirrors: Mirrors | None
+    token: str | None
+    port: int
+
+    @property
+    def url(self) -> str:
+        """Its address."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +58,7 @@ class Finding:
     words: str
 
 
-def check_demo(viewer: Viewer, config: ViewerConfig) -> Iterator[Finding]:
+def check_demo(viewer: Running, config: ViewerConfig) -> Iterator[Finding]:
     """Try everything, one after the other."""
     yield _pages(viewer)
     for entry in viewer.catalogue.entries():
@@ -60,7 +79,7 @@ def _tried(name: str, what: Callable[[], str]) -> Finding:
         return Finding(name, False, str(error))
 
 
-def _pages(viewer: Viewer) -> Finding:
+def _pages(viewer: Running) -> Finding:
     def look() -> str:
         for path in ("", *(f"static/{name}" for name in STATIC)):
             with urllib.request.urlopen(_local(viewer, path), timeout=10) as answer:
@@ -71,7 +90,7 @@ def _pages(viewer: Viewer) -> Finding:
     return _tried("page", look)
 
 
-def _recording(viewer: Viewer, recording_id: str, title: str) -> Finding:
+def _recording(viewer: Running, recording_id: str, title: str) -> Finding:
     def render() -> str:
         view = replace(viewer.default, recording_id=recording_id)
         made = rehearse(viewer.engine, viewer.catalogue, view, lambda done, total: None, most=12)
@@ -84,7 +103,7 @@ def _recording(viewer: Viewer, recording_id: str, title: str) -> Finding:
     return _tried(f"recording {title}", render)
 
 
-def _foreign(viewer: Viewer) -> Finding:
+def _foreign(viewer: Running) -> Finding:
     request = urllib.request.Request(_local(viewer, ""), headers={"Host": "elsewhere.example"})
     try:
         with urllib.request.urlopen(request, timeout=10):
@@ -101,11 +120,11 @@ def _secure(config: ViewerConfig) -> Finding:
     return Finding("camera", True, "pages on this machine, or over https, may ask for the camera")
 
 
-def _mirror(viewer: Viewer) -> Finding:
+def _mirror(viewer: Running) -> Finding:
     return _tried("mirror", lambda: asyncio.run(_look_into(viewer)))
 
 
-async def _look_into(viewer: Viewer) -> str:
+async def _look_into(viewer: Running) -> str:
     import numpy as np
     from websockets.asyncio.client import connect
 
@@ -133,6 +152,6 @@ async def _look_into(viewer: Viewer) -> str:
     return f"the simulated sensor sees {rate:.0f} pictures a second"
 
 
-def _local(viewer: Viewer, path: str) -> str:
+def _local(viewer: Running, path: str) -> str:
     token = f"?token={viewer.token}" if viewer.token else ""
     return f"http://127.0.0.1:{viewer.port}/{path}{token}"

@@ -123,7 +123,6 @@ class Viewer:
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
-        from app.web import camera_endpoint, upload_endpoint
         from app.web.server import Address, free_port, start_server
 
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
@@ -135,9 +134,6 @@ class Viewer:
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
         self.catalogue = Catalogue(config, self.live)
-        self.default = default = self._first_view(config, session)
-        shown = (*VIEWS, *own_views([*config.views, *views]))
-        self.catalogue = Catalogue(config)
         self.default = default = self._first_view(config, session)
         self.token = config.token
         address = Address(config.host, config.port, config.token, config.public_url)
@@ -156,20 +152,15 @@ class Viewer:
         megabytes = config.upload_megabytes
         limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
         self.uploads = None if limits is None else Uploads(limits, self.catalogue.take_in, self._let_go)
-        films = self.catalogue.films
-        self.mirrors = Mirrors(films.stream, self.catalogue.take_in, self._let_go) if config.camera else None
+        streams = self.catalogue.films.stream
+        self.mirrors = Mirrors(streams, self.catalogue.take_in, self._let_go) if config.camera else None
         self.homes = Homes() if config.take_home else None
-        doors: dict[str, Handler] = {}
-        if self.uploads is not None:
-            doors[upload_endpoint.PATH] = upload_endpoint.UploadEndpoint(self.uploads)
-        if self.mirrors is not None:
-            doors[camera_endpoint.PATH] = camera_endpoint.CameraEndpoint(self.mirrors)
         self.server = start_server(
             address,
             self.port,
             self._visit,
             MOST_VISITORS if config.demo else None,
-            doors,
+            self._doors(),
             self.homes.get if self.homes is not None else lambda path: None,
         )
         self.port = self.server.get_port()
@@ -206,6 +197,17 @@ class Viewer:
         if self.uploads is not None:
             self.uploads.close()
         self.catalogue.close()
+
+    def _doors(self) -> dict[str, Handler]:
+        """Websockets beside viser's: where files come in, and cameras."""
+        from app.web import camera_endpoint, upload_endpoint
+
+        doors: dict[str, Handler] = {}
+        if self.uploads is not None:
+            doors[upload_endpoint.PATH] = upload_endpoint.UploadEndpoint(self.uploads)
+        if self.mirrors is not None:
+            doors[camera_endpoint.PATH] = camera_endpoint.CameraEndpoint(self.mirrors)
+        return doors
 
     def _visit(self, client: viser.ClientHandle) -> Session:
         """One visitor. Who sits at this machine may record a live source and change its settings, but not in public."""

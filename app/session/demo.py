@@ -58,7 +58,7 @@ class DemoStep:
 
 
 def steps_of(recording_id: str, is_live: bool = False) -> tuple[DemoStep, ...]:
-    """The three acts of one recording, and the invitation. A live one goes on by itself, and stands still for the third."""
+    """Three acts of a recording, and the invitation. A live one goes on by itself, and stands still for the third."""
     begins = DemoStep(8.0, "events", recording_id, plays=True, is_live=is_live)
     image = DemoStep(6.0, "image", plays=True, is_live=is_live)
     looks = tuple(DemoStep(4.2, "places", is_live=is_live, place=place) for place in _PLACES)

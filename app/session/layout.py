@@ -151,7 +151,7 @@ def close_modal(modal: GuiModalHandle | None) -> None:
 
 
 def watch_canvas(client: viser.ClientHandle, tell: Callable[[], object]) -> None:
-    """Docks reach their width after the page is up, and windows are resized: `tell` when the canvas has another shape."""
+    """`tell` when the canvas has another shape: docks reach their width late, and windows are resized."""
     seen = round(client.camera.aspect, 2)
 
     @client.camera.on_update

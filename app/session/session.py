@@ -189,7 +189,6 @@ class Session:
                     self._reduce(ask.OpenRecording(arrived))
             case MirrorNews():
                 self._answer(Touched())
-                self._has_asked = self._is_known = True
                 for intent in self._booth.heard(item, self._default.recording_id):
                     self._reduce(intent)
             case RemoveFile(recording_id):
