@@ -118,10 +118,20 @@ class ViewerConfig:
     views: Annotated[tuple[Path, ...], tyro.conf.arg(name="view", metavar="FILE"), tyro.conf.UseAppendAction] = ()
     """A Python file of your own that is shown as a tab: it defines show(moment). May be given again."""
 
+    camera: bool = True
+    """Whether a visitor may look at themselves as a simulated sensor sees them, with the browser's own camera."""
+    take_home: bool = True
+    """Whether the demo hands out three seconds of what it shows as a page."""
+
     demo: bool = False
     """For a stand in public: shows itself until somebody touches it, and starts over when they have gone."""
 
+    check: bool = False
+    """With --demo: try what the demo needs without a browser, say what will fail, and end."""
+
     def __post_init__(self) -> None:
+        if self.check and not self.demo:
+            raise ConfigError("--check tries what a demo needs; give --demo with it")
         if self.demo and self.data is not None:
             raise ConfigError("--demo shows FILE and the bundled recordings only; leave --data out")
         if not 0 <= self.port <= 65_535:

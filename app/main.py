@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from app.catalogue.visitor import VisitorCatalogue
     from app.session.session import Session
     from app.views.page import Page
+    from app.web.access import Handler
     from etnet.export.session_file import Session as TakenSession
 
 
@@ -41,6 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         viewer = Viewer(config)
     except EtnetError as error:
         print(f"etnet-view: {error}", file=sys.stderr)
+        return 1
+    if config.check:
+        return _check(viewer, config)
+    if config.demo and not _rehearse(viewer):
         return 1
     print(viewer.where_to_look, flush=True)
     # A polite end is an end by Ctrl+C: what visitors uploaded is taken away.
@@ -79,7 +84,7 @@ def open_feed(config: ViewerConfig) -> LiveFeed | None:
         raise
 
 
-def _check(file: Path | None) -> None:
+def _check_file(file: Path | None) -> None:
     """A path that no reader takes is told before anything is served; a video and a session are looked at later."""
     if file is None or file.suffix.lower() in (SUFFIX, *VIDEO_SUFFIXES):
         if file is not None and not file.exists():
@@ -90,24 +95,57 @@ def _check(file: Path | None) -> None:
     check_recording(file)
 
 
+def _rehearse(viewer: Viewer) -> bool:
+    """Render a demo's first recording before anybody comes; whether it can be shown."""
+    from app.session.rehearsal import rehearse
+
+    def tell(done: int, total: int) -> None:
+        end = "\n" if done == total else ""
+        print(f"\rPreparing the first scene: image {done} of {total}", end=end, file=sys.stderr, flush=True)
+
+    try:
+        rehearse(viewer.engine, viewer.catalogue, viewer.default, tell)
+    except (EtnetError, KeyboardInterrupt) as error:
+        viewer.stop()
+        print(f"\netnet-view: {error or 'stopped'}", file=sys.stderr)
+        return False
+    return True
+
+
+def _check(viewer: Viewer, config: ViewerConfig) -> int:
+    """Try what the demo needs; 1 where something will fail."""
+    from app.demo_check import check_demo
+
+    num_bad = 0
+    try:
+        for finding in check_demo(viewer, config):
+            print(f"{'ok  ' if finding.is_good else 'FAIL'}  {finding.name}: {finding.words}", flush=True)
+            num_bad += not finding.is_good
+    finally:
+        viewer.stop()
+    print("The demo is ready." if num_bad == 0 else f"{num_bad} will fail: see above.")
+    return 1 if num_bad else 0
+
+
 class Viewer:
     """A running viewer: server, engine and catalogue of one configuration."""
 
     def __init__(self, config: ViewerConfig, views: Sequence[Any] = ()) -> None:
         """`views`: more views of one's own, beside those of the configuration (see `own_views`)."""
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
+        from app.catalogue.homes import Homes
+        from app.catalogue.mirror import Mirrors
         from app.catalogue.uploads import UploadLimits, Uploads
         from app.engine.engine import Engine
         from app.session.demo import MOST_VISITORS
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
-        from app.web import upload_endpoint
         from app.web.server import Address, free_port, start_server
 
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
-        _check(config.file)
+        _check_file(config.file)
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
@@ -116,7 +154,8 @@ class Viewer:
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
         self.catalogue = Catalogue(config, self.live)
-        self._default = default = self._first_view(config, session)
+        self.default = default = self._first_view(config, session)
+        self.token = config.token
         address = Address(config.host, config.port, config.token, config.public_url)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
@@ -133,12 +172,16 @@ class Viewer:
         megabytes = config.upload_megabytes
         limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
         self.uploads = None if limits is None else Uploads(limits, self.catalogue.take_in, self._let_go)
+        streams = self.catalogue.films.stream
+        self.mirrors = Mirrors(streams, self.catalogue.take_in, self._let_go) if config.camera else None
+        self.homes = Homes() if config.take_home else None
         self.server = start_server(
             address,
             self.port,
             self._visit,
             MOST_VISITORS if config.demo else None,
-            {} if self.uploads is None else {upload_endpoint.PATH: upload_endpoint.UploadEndpoint(self.uploads)},
+            self._doors(),
+            self.homes.get if self.homes is not None else lambda path: None,
         )
         self.port = self.server.get_port()
         if self.live is not None:
@@ -169,23 +212,38 @@ class Viewer:
     def stop(self) -> None:
         """End server and engine."""
         self.server.stop()
+        if self.mirrors is not None:
+            self.mirrors.close()
         self.engine.stop()
         if self.uploads is not None:
             self.uploads.close()
         self.catalogue.close()
 
+    def _doors(self) -> dict[str, Handler]:
+        """Websockets beside viser's: where files come in, and cameras."""
+        from app.web import camera_endpoint, upload_endpoint
+
+        doors: dict[str, Handler] = {}
+        if self.uploads is not None:
+            doors[upload_endpoint.PATH] = upload_endpoint.UploadEndpoint(self.uploads)
+        if self.mirrors is not None:
+            doors[camera_endpoint.PATH] = camera_endpoint.CameraEndpoint(self.mirrors)
+        return doors
+
     def _visit(self, client: viser.ClientHandle) -> Session:
         """One visitor. Who sits at this machine may record a live source and change its settings, but not in public."""
         from app.catalogue.visitor import VisitorCatalogue
+        from app.session.booth import Booth
         from app.session.session import Session
         from app.web.access import sits_here
 
         desk = None if self.uploads is None else self.uploads.desk()
         try:
-            is_host = not self._default.is_public and sits_here(self._address.public_url)
+            is_host = not self.default.is_public and sits_here(self._address.public_url)
             seen = VisitorCatalogue(self.catalogue, desk, is_host)
-            follow = partial(self._follow_session, self._config, seen, self._default)
-            session = Session(client, seen, self.engine, self._default, desk, self._views, follow)
+            follow = partial(self._follow_session, self._config, seen, self.default)
+            booth = Booth(self.mirrors and self.mirrors.mirror(), self.homes, self._address.public_url or "")
+            session = Session(client, seen, self.engine, self.default, desk, self._views, follow, booth)
         except BaseException:
             if desk is not None:
                 desk.close()

@@ -24,3 +24,8 @@ def samples() -> tuple[Path, ...]:
 def export_page_folder() -> Path:
     """The parts of the one-file page: template, style sheet, scripts."""
     return bundled_folder() / "export_page"
+
+
+def tokens_file() -> Path:
+    """The design system's colours and sizes, which the viewer and the one-file page share."""
+    return bundled_folder() / "page" / "tokens.css"

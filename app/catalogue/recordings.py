@@ -33,7 +33,7 @@ from etnet.events.recording import Recording, Remark
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
-Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded"]
+Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded", "mirror"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
 LOOK_EVERY = 1.0
@@ -227,6 +227,8 @@ class Catalogue:
 
     def is_film(self, entry: Entry) -> bool:
         """Whether an entry is a video that is simulated while it is looked at. A part of one is simulated first."""
+        if self.films.holds(entry.id):
+            return True
         is_whole = self._config.view(self._config.downsample or 1) == WHOLE_VIEW
         return is_whole and entry.path is not None and entry.path.suffix.lower() in VIDEO_SUFFIXES
 

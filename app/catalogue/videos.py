@@ -82,13 +82,27 @@ class Videos:
         self.forget: Callable[[str], object] = lambda recording_id: None
         """Told the id of a film that is no more: nothing computed of it is of use."""
         self._films: OrderedDict[str, _Film] = OrderedDict()
+        self._streams: dict[str, Callable[[Callable[[], bool]], Recording]] = {}
         self._folder: PrivateFolder | None = None
         self._lock = RLock()
         self._turns = Semaphore(AT_ONCE)
         self._num_made = 0
 
+    def stream(self, recording_id: str, wait: Callable[[Callable[[], bool]], Recording]) -> None:
+        """Let what a camera sees be opened by an id: `wait` gives it once there is enough to show."""
+        with self._lock:
+            self._streams[recording_id] = wait
+
+    def holds(self, recording_id: str) -> bool:
+        """Whether an id is that of a camera's stream."""
+        return recording_id in self._streams
+
     def open(self, recording_id: str) -> Recording:
         """A film that was begun, as far as it is; waits until there is enough to show. Raises EtnetError."""
+        with self._lock:
+            stream = self._streams.get(recording_id)
+        if stream is not None:
+            return stream(lambda: not self.holds(recording_id))
         with self._lock:
             film = self._films.get(recording_id)
             if film is None:
@@ -112,6 +126,9 @@ class Videos:
 
     def begin(self, visitor: str, recording_id: str, video: Path, name: str) -> None:
         """A visitor looks at this film from now on; it is begun if it is not there."""
+        if self.holds(recording_id):
+            self.watch(visitor, None)
+            return
         with self._lock:
             if recording_id not in self._films:
                 self._begin(recording_id, video, name)
@@ -131,6 +148,7 @@ class Videos:
     def let_go(self, video_id: str) -> None:
         """A video is no more: neither are its films."""
         with self._lock:
+            self._streams.pop(video_id, None)
             gone = [key for key in self._films if split_id(key)[0] == video_id]
         for key in gone:
             self._drop(key)

@@ -26,7 +26,7 @@ MOST_VISITORS = 24
 STALLED = 20.0
 """Seconds after which an act ends though what it is about never came."""
 
-_PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3), (0.4, 0.3), (0.6, 0.66))
+_PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3))
 """Where the third act looks from, as fractions of the picture."""
 _FORBIDDEN = ask.ReopenRecording | ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy
 """What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
@@ -58,13 +58,11 @@ class DemoStep:
 
 
 def steps_of(recording_id: str, is_live: bool = False) -> tuple[DemoStep, ...]:
-    """The three acts of one recording. A live one goes on by itself, and stands still for the third."""
-    looks = tuple(DemoStep(1.8, "places", is_live=is_live, place=place) for place in _PLACES)
-    return (
-        DemoStep(6.0, "events", recording_id, plays=True, is_live=is_live),
-        DemoStep(6.0, "image", plays=True, is_live=is_live),
-        *looks,
-    )
+    """Three acts of a recording, and the invitation. A live one goes on by itself, and stands still for the third."""
+    begins = DemoStep(8.0, "events", recording_id, plays=True, is_live=is_live)
+    image = DemoStep(6.0, "image", plays=True, is_live=is_live)
+    looks = tuple(DemoStep(4.2, "places", is_live=is_live, place=place) for place in _PLACES)
+    return (begins, image, *looks, DemoStep(5.0, "invite", plays=True, is_live=is_live))
 
 
 class DemoScript:
@@ -131,7 +129,7 @@ def intents_of(beat: DemoStep, state: ViewState) -> tuple[Any, ...]:
 def public_view(default: ViewState) -> ViewState:
     """How a public page begins: large pictures, each shown when the network has made it."""
     public = replace(default, workspace="demo", waits_for_frames=True, is_public=True)
-    return public.put(AttentionState(map_range="per map"), SceneState(camera="front"))
+    return public.put(AttentionState(map_range="per map"), SceneState(camera="booth"))
 
 
 class Throttle:

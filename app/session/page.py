@@ -12,6 +12,7 @@ from app.engine.jobs import JobResult
 from app.engine.thumbnails import thumbnail_key
 from app.html.moment import Moment
 from app.html.timeline_marks import Cached, Hovered
+from app.session.booth import Booth
 from app.session.facts import facts_of
 from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
@@ -31,6 +32,7 @@ class PageComposer:
     frames: NewestFrames
     loader: RecordingLoader
     uploads: VisitorUploads | None
+    booth: Booth
 
     def page(
         self,
@@ -79,6 +81,9 @@ class PageComposer:
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
             refused=refused,
+            mirror=self.booth.shown(moment, frames.index),
+            gives_home=self.booth.homes is not None,
+            public_url=self.booth.public_url,
         )
         opened = open_views(state, self.views)
         marking = dict.fromkeys((*opened, *changing_views(state, self.views)))

@@ -23,6 +23,7 @@ from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
+from app.session.booth import Booth, MirrorNews
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
@@ -71,8 +72,9 @@ class Session:
         desk: VisitorUploads | None = None,
         views: Sequence[View] = VIEWS,
         follow_session: Callable[[str], ViewState | None] = lambda recording_id: None,
+        booth: Booth | None = None,
     ) -> None:
-        """`desk` holds the uploaded files; it is closed with the session.
+        """`desk` holds the uploaded files, `booth` the visitor's camera; they are closed with the session.
 
         `follow_session` gives the page of an uploaded session file, by its id, and `None` for a recording.
         """
@@ -81,6 +83,7 @@ class Session:
         self._client = client
         self._views = views
         self._desk = desk
+        self._booth = Booth() if booth is None else booth
         self._default = default
         self._catalogue = catalogue
         self._engine = engine
@@ -97,7 +100,7 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
-        self._composer = PageComposer(views, catalogue, engine, self._answers, self._held, desk)
+        self._composer = PageComposer(views, catalogue, engine, self._answers, self._held, desk, self._booth)
         self.drawn: tuple[float, Page] | None = None
         """When (monotonic clock) and what was drawn last, during the visit; it may be read from any thread."""
         self._shown_index = -1
@@ -108,13 +111,14 @@ class Session:
         self._offer: object = None
         self._hovers_at: float | None = None
         """Seconds on the timeline that the pointer is over."""
-        self._showing = Visit(client, catalogue, default, views)
+        self._showing = Visit(client, catalogue, default, views, self._booth)
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, views, self._showing.is_public, ticket)
         self._arrange()
         watch_canvas(client, self._showing.hears, lambda: self._mail.put(CanvasChanged()))
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
+        self._booth.listen(self._mail.put)
         self._thread: int | None = None
         """The identity of the visitor's thread, once it runs."""
         THREADS.start(self._run, self._visitor)
@@ -139,6 +143,7 @@ class Session:
             self._comparing.close()
             self._engine.drop(self._visitor)
             self._catalogue.close()
+            self._booth.close()
             if self._desk is not None:
                 self._desk.close()
 
@@ -196,6 +201,10 @@ class Session:
                     self._answer(Touched())
                     self._has_asked = self._is_known = True
                     self._open_handed(arrived)
+            case MirrorNews():
+                self._answer(Touched())
+                for intent in self._booth.heard(item, self._default.recording_id):
+                    self._reduce(intent)
             case RemoveFile(recording_id):
                 self._remove(recording_id)
             case Ready() | Working() | Failed():
@@ -227,7 +236,10 @@ class Session:
                 if self._showing.permits(item):
                     for view in self._views:
                         view.perform(item, self._catalogue)
+                    was_playing = self._state.is_playing
                     self._reduce(item)
+                    for intent in self._booth.goes_on(item, was_playing, self._state):
+                        self._reduce(intent)
         self._is_dirty = True
 
     def _open_handed(self, recording_id: str) -> None:
@@ -303,11 +315,16 @@ class Session:
             return
         self._held.want(self._state)
         self._lead()
-        due = self._player.due(self._state, self._held.limits(self._state), time.monotonic(), self._answers.index)
+        shown = self._answers.index
+        self._booth.advance(self._state, shown)
+        self._glance()
+        limits = self._held.limits(self._state)
+        due = self._booth.newest(self._state, limits)
+        if due is None and not self._booth.is_live(self._state):
+            due = self._player.due(self._state, limits, time.monotonic(), shown)
         if due is not None:
             self._reduce(ask.PlayTo(due))
             self._is_dirty = True
-        self._glance()
         is_due = time.monotonic() - self._pushed_at >= PUSH_INTERVAL
         if self._state.index != self._shown_index:
             self._moved_at = time.monotonic()
@@ -331,7 +348,8 @@ class Session:
         offer = self._catalogue.entries(), self._catalogue.growing(), self._held.share
         self._is_dirty |= offer != self._offer
         self._offer = offer
-        if time.monotonic() - self._grown_at > (PUSH_INTERVAL if self._follows() else GLANCE):
+        every = 0.0 if self._booth.is_live(self._state) else PUSH_INTERVAL if self._follows() else GLANCE
+        if time.monotonic() - self._grown_at > every:
             self._grown_at = time.monotonic()
             has_grown, follows = self._held.grow(self._state)
             self._is_dirty |= has_grown

@@ -13,6 +13,7 @@ from app.catalogue.recording_id import listed_id
 from app.catalogue.recordings import CatalogueError
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.downloads import Download, Downloaded
+from app.session.booth import Booth
 from app.session.channel import AskHelp, Copied, FollowLink, Touched
 from app.session.demo import DemoScript, Throttle, intents_of, may_ask
 from app.session.jobs import JobNews
@@ -40,7 +41,9 @@ class Visit:
         catalogue: VisitorCatalogue,
         default: ViewState,
         views: Sequence[View],
+        booth: Booth,
     ) -> None:
+        self._booth = booth
         self._client = client
         self._catalogue = catalogue
         self._default = default
@@ -76,6 +79,8 @@ class Visit:
 
         A new recording is shown as to somebody who has just come.
         """
+        if self._attract is not None and self._booth.is_live(state):
+            self._attract.touch(time.monotonic())
         beat = None if self._attract is None else self._attract.due(is_up, time.monotonic())
         if beat is None:
             return None
@@ -102,6 +107,8 @@ class Visit:
 
     def hand_over(self, news: JobNews) -> tuple[Any, ...]:
         """Let the browser save a file that is made; what follows."""
+        if (kept := self._booth.kept(news)) is not None:
+            return kept
         made = news.result.value
         if not isinstance(made, Download):
             return ()

@@ -49,6 +49,17 @@ class RunFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class MirrorShown:
+    """The visitor's own camera: what their page needs to begin with it, and how it goes."""
+
+    ticket: str
+    is_live: bool = False
+    delay: float | None = None
+    """Seconds between a picture's arrival and the moment in which what was made of it is drawn."""
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Page:
     """One visitor's page at one moment. `ready` may belong to another window than the current one."""
 
@@ -102,6 +113,12 @@ class Page:
     """Whether the newest window is shown, whichever that is."""
     gone: str = ""
     """That the current window's events have left the buffer of the live recording."""
+    mirror: MirrorShown | None = None
+    """The visitor's own camera; `None` where none is taken."""
+    gives_home: bool = False
+    """Whether a visitor can take a page home."""
+    public_url: str = ""
+    """The address by which others reach this server; empty where only this machine does."""
     over_timeline: str = ""
     """SVG that open views draw over the timeline."""
 

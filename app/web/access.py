@@ -29,6 +29,11 @@ holds up to 16 of them before it stops reading."""
 VISER_UPLOAD = b"FileTransferStartUpload"
 """What a message that lets viser hold a file begins with, somewhere: viser keeps the bytes in memory, without a cap."""
 LOOPBACK_PEERS = frozenset({"127.0.0.1", "::1", "::ffff:127.0.0.1"})
+PAGE_HEADERS = {
+    "Content-Type": "text/html; charset=utf-8",
+    "Content-Security-Policy": "sandbox allow-scripts allow-downloads",
+    "Cache-Control": "no-store",
+}
 Handler = Callable[[ServerConnection], Awaitable[None]]
 ProcessRequest = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
 
@@ -49,6 +54,8 @@ class AccessControl:
     """What is done to viser's own answers."""
     doors: Mapping[str, Handler] = field(default_factory=dict)
     """Websockets that are not viser's, by their path."""
+    pages: Callable[[str], bytes | None] = lambda path: None
+    """Whole HTML pages by paths that nobody can guess: whoever was given one needs no token."""
 
     def refuse_or_answer(self, request: Request) -> Response | None:
         """The answer to a request that must not reach viser, or is not viser's; `None` lets it through."""
@@ -62,6 +69,9 @@ class AccessControl:
         url = urlsplit(request.path)
         if url.path == "/healthz":
             return _answer(200, self.health)
+        if not is_websocket and (page := self.pages(url.path)) is not None:
+            # Its own scripts alone, and as a page of nobody's: it reads neither cookie nor storage of this viewer.
+            return _answer(200, page, PAGE_HEADERS)
         query = dict(parse_qsl(url.query))
         if self.token is not None and not self._knows_token(query, request):
             return _answer(401, "this viewer needs its token: open the address that was printed when it started")

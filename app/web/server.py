@@ -75,11 +75,12 @@ def start_server(
     visit: Callable[[viser.ClientHandle], VisitorSession],
     most_visitors: int | None = None,
     doors: Mapping[str, Handler] | None = None,
+    pages: Callable[[str], bytes | None] = lambda path: None,
 ) -> viser.ViserServer:
     """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when they leave.
 
     A visitor who comes when `most_visitors` are here already is told so, and gets no session. `doors` are
-    websockets beside viser's, by their path.
+    websockets beside viser's, `pages` whole pages, by their path.
     """
     public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()
     guard = AccessControl(
@@ -90,6 +91,7 @@ def start_server(
         f"ok, viser {viser.__version__}\n",
         IndexPage(address.public_url).dressed,
         doors or {},
+        pages,
     )
     share_arenas()
     # viser prints a frame with addresses of its own; this program says where to look in one line.
@@ -119,7 +121,7 @@ def _welcome(
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
         if most_visitors is not None and len(server.get_clients()) > most_visitors:
-            client.gui.add_markdown(f"### Many are looking already\n\n{CROWDED}")
+            client.gui.add_html(f'<div class="etv-crowded"><b>Many are looking already</b><p>{CROWDED}</p></div>')
             return
         # A session is built in a worker: laying out a page would hold up every other visitor's clicks.
         built = await asyncio.to_thread(visit, client)

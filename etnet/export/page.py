@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from etnet.bundled import export_page_folder
+from etnet.bundled import export_page_folder, tokens_file
 from etnet.errors import EtnetError
 from etnet.export.images import write_atomically
 from etnet.export.page_content import Content, PageConfig, gather
@@ -55,7 +55,7 @@ def render_page(content: Content) -> str:
     """The page as text. Strings of the recording's are escaped; nothing but the page's own script may run."""
     folder = export_page_folder()
     script = "(() => {\n'use strict';\n" + "\n".join(_read(folder, name) for name in SCRIPTS) + "\n})();"
-    style = _read(folder, "page.css")
+    style = tokens_file().read_text(encoding="utf-8") + _read(folder, "page.css")
     holes = {
         "policy": html.escape(content_security_policy(script, style)),
         "title": html.escape(str(content.facts["title"])),

@@ -5,6 +5,24 @@ const [seek, play, clock, count, attentionNote, voxelsNote, voxelStart, voxelEnd
   ['seek', 'play', 'clock', 'count', 'attention-note', 'voxels-note', 'voxel-start', 'voxel-end'].map((id) => document.getElementById(id));
 const screens = [...lanes, ...(camera ? [camera] : []), ...maps];
 let lastFrame = null, wanted = 0;
+const calm = matchMedia('(prefers-reduced-motion: reduce)').matches;
+
+/** The moment that an address names: "#t=1.234" are seconds since the recording's first event. */
+function addressed() {
+  const named = /^#t=(\d+(?:\.\d+)?)$/.exec(location.hash);
+  if (!named) return null;
+  const stop = Number(named[1]) * 1e6;
+  return facts.stops.reduce((best, each, i) => (Math.abs(each - stop) < Math.abs(facts.stops[best] - stop) ? i : best), 0);
+}
+
+/** The address names the moment while the page rests, so that a copied one leads here. */
+function address(index) {
+  try {
+    history.replaceState(null, '', `#t=${(facts.stops[index] / 1e6).toFixed(3)}`);
+  } catch {
+    // a browser that keeps pages from their address shows the moment all the same
+  }
+}
 
 seek.max = numMoments - 1;
 if (attention) state.query = nearestQuery(sensorWidth * 0.58, sensorHeight * 0.45);
@@ -41,7 +59,8 @@ async function show() {
     const [sheet, under] = got;
     drawMaps(under, sheet, sheetIndex, query);
     const at = Math.min(sheetIndex * attention.stride, numMoments - 1);
-    say(attentionNote, at === index ? `pixel ${cross.join(', ')}` : `pixel ${cross.join(', ')}, as of window ${facts.windows[at]}`);
+    const when = at === index ? '' : `, as of image ${at + 1}`;
+    say(attentionNote, `pixel ${cross.join(', ')}${when} · the cross snaps to the nearest of ${attention.queries.length} places`);
     screens.forEach((each) => moveCross(each, cross));
   }
   say(voxelsNote, `${counted(facts.counts[index])} events in ${((facts.stops[index] - facts.starts[index]) / 1000).toFixed(1)} ms`);
@@ -50,6 +69,7 @@ async function show() {
   cloud.draw(index, lastFrame);
   document.documentElement.dataset.shown = index;
   document.documentElement.dataset.query = query;
+  if (!state.isPlaying) address(index);
   prefetch(index);
 }
 
@@ -175,5 +195,13 @@ document.addEventListener('keydown', (event) => {
   action();
 });
 
+window.addEventListener('hashchange', () => {
+  const there = addressed();
+  if (there !== null && there !== state.index) { pause(); goTo(there); }
+});
 sizeOf.onChange = redraw;
+const named = addressed();
+if (named !== null) state.index = named;
 redraw();
+// It plays by itself, but not for those who asked for less motion, nor over a moment that was asked for.
+if (!calm && named === null) setPlaying(true);

@@ -1,13 +1,21 @@
 // The guided tour: steps that point at parts of the page. It is offered once to a browser, and can be left at any step;
 // it knows the page only by what stands in it, and asks nothing of the server.
 (() => {
-  const STEPS = [
+  const EXPERT = [
     [".et-events, [data-testid=events]", "The sensor", "This sensor takes no pictures. Each pixel reports an <b>event</b> when it became brighter (orange) or darker (blue). A <b>window</b> is the events that make one image."],
     ["[data-testid=voxels]", "What the network is given", "The window, cut into five <b>time bins</b> (a voxel grid): in each, brighter counts up and darker counts down."],
     ["[data-testid=reconstruction]", "What it makes of them", "The <b>reconstruction</b> comes from events alone. The network carries a <b>state</b> from window to window: its memory. Green <b>exact</b> means: the same, bit for bit, as a run from the start."],
     ["[data-testid=attention]", "Where it looks", "Click a pixel of any picture. Each map shows which places (<b>tokens</b>, 8 × 8 pixels) the network read to redraw that spot; each <b>head</b> is one of several such glances, and <b>cross-attention</b> reads a coarser picture."],
     ["[data-testid=timeline], [data-testid=strip]", "Time", "Drag here, or press <kbd>space</kbd> to play and <kbd>J</kbd> <kbd>L</kbd> for one window back or on. <kbd>C</kbd> copies a link to the moment, <kbd>?</kbd> explains every word."],
   ];
+  const PUBLIC = [
+    ["[data-card=scene], .etv-map", "Dots instead of pictures", "This camera takes no pictures. Each dot is one pixel that became brighter (orange) or darker (blue). Time runs away from you: drag to turn it."],
+    [".etv-image", "An image made of dots", "A neural network paints this from the dots alone. It remembers what came before. <b>Touch a spot</b> to see where it looks."],
+    [".etv-camera", "The ordinary camera", "What a normal camera saw at the same moment, to compare. The network never sees it."],
+    [".etv-track", "Time", "Drag here to go back and on. The hills are moments in which much happened."],
+    [".etv-ask", "Now you", "Touch a spot, look at your own face as dots, or take three seconds of this home."],
+  ];
+  const stepsHere = () => (document.querySelector('[data-etv-workspace="demo"]') ? PUBLIC : EXPERT);
   const KEY = "etnet-tour";
   const remembered = () => {
     try {
@@ -72,13 +80,13 @@
     }
     const [, title, words] = steps[step];
     const next = step === steps.length - 1 ? "Done" : "Next";
-    card.innerHTML = `<h3>${step + 1} of ${steps.length} · ${title}</h3><p>${words}</p><div><button data-go="leave">Leave the tour</button>${step ? '<button data-go="back">Back</button>' : ""}<button data-go="next" class="etv-tour-next">${next}</button></div>`;
+    card.innerHTML = `<h3>${step + 1} of ${steps.length} · ${title}</h3><p>${words}</p><div><button data-go="leave">Skip tour</button>${step ? '<button data-go="back">Back</button>' : ""}<button data-go="next" class="etv-tour-next">${next}</button></div>`;
     card.querySelector(".etv-tour-next").focus({ preventScroll: true });
     target()?.scrollIntoView({ block: "nearest" });
     place();
   };
   const begin = () => {
-    steps = STEPS.filter(([parts]) => seen(parts));
+    steps = stepsHere().filter(([parts]) => seen(parts));
     show(0);
   };
   document.addEventListener("keydown", (event) => {

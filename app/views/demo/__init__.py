@@ -1,10 +1,11 @@
-"""The page in public: large live pictures in plain words."""
+"""The page in public: one sentence, large live pictures, and things to do with them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.views.demo.state import DemoState, reduce_demo
+from app.views.demo.jobs import home_jobs
+from app.views.demo.state import DemoState, hear, reduce_demo
 from app.views.view import View
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 def _panel(client: viser.ClientHandle) -> Panel:
     from app.views.demo.panel import DemoPanel
 
-    return DemoPanel(client)
+    return DemoPanel()
 
 
 VIEW = View(
@@ -28,4 +29,6 @@ VIEW = View(
     workspaces=frozenset({"demo"}),
     is_public=True,
     reduce=reduce_demo,
+    hear=hear,
+    background_jobs=home_jobs,
 )

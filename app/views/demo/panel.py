@@ -1,33 +1,28 @@
-"""The demo's page: its pictures, and the bar of what a visitor can do."""
+"""The demo's page: sentence, pictures, slider and buttons, and what lies over them."""
 
 from __future__ import annotations
 
 import viser
 
-from app.views.demo.html import bar_html, caption_html, compact_html, demo_html
-from app.views.demo.state import DemoState
+from app.views.demo.html import foot_html, lead_html, pictures_html
+from app.views.demo.sheets import sheet_html
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
 
-PHONE_ASPECT = 0.9
-"""A canvas narrower than this is a phone's."""
-
 
 class DemoPanel(Panel):
-    """Buttons are an element of their own: pictures come and go below them."""
-
-    def __init__(self, client: viser.ClientHandle) -> None:
-        self._is_phone = client.camera.aspect < PHONE_ASPECT
+    """Each part is an element of its own, so that a slider stays while pictures come and go."""
 
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """The bar, then the pictures."""
-        self._bar = Html(gui)
+        """From the top down; the large picture is the scene's card, or the map."""
+        self._lead = Html(gui)
         self._pictures = Html(gui)
+        self._foot = Html(gui)
+        self._sheet = Html(gui)
 
     def show(self, page: Page) -> None:
-        """Draw what the act points at."""
-        act = page.state.of(DemoState).act
-        public = f'<i data-etv-public="{act}"></i>' if page.state.is_public else ""
-        bar = compact_html(page) if self._is_phone else bar_html(page) + caption_html(act)
-        self._bar.show(f'<section class="etv-demo-bar">{public}{bar}</section>')
-        self._pictures.show(demo_html(page))
+        """Draw what the act, or the visitor, points at."""
+        self._lead.show(lead_html(page))
+        self._pictures.show(pictures_html(page))
+        self._foot.show(foot_html(page))
+        self._sheet.show(sheet_html(page))

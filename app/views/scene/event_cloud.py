@@ -29,13 +29,22 @@ class CloudNode:
         self._points: viser.PointCloudHandle | None = None
         self._labels: list[viser.LabelHandle] = []
         self._ticks: viser.LineSegmentsHandle | None = None
+        self._arrow: viser.LineSegmentsHandle | None = None
         self._depth: float | None = None
+        self._has_scale = True
         self._shown: EventCloud | None = None
         self._root = scene.add_frame("/window", show_axes=False)
 
-    def show(self, space: Space, cloud: EventCloud) -> None:
-        """Draw the events of one window. Call inside `client.atomic()`: points and colours must change together."""
-        if cloud is self._shown and space == self._space:
+    def show(self, space: Space, cloud: EventCloud, has_scale: bool = True) -> None:
+        """Draw the events of one window. Call inside `client.atomic()`: points and colours must change together.
+
+        `has_scale`: with milliseconds along its depth.
+        """
+        if has_scale != self._has_scale:
+            self._has_scale, self._depth = has_scale, None
+            if self._ticks is not None and self._arrow is not None:
+                self._ticks.visible = self._arrow.visible = has_scale
+        if cloud is self._shown and space == self._space and self._depth is not None:
             return
         if space != self._space:
             self._build(space)
@@ -64,7 +73,7 @@ class CloudNode:
         )
         lines = self._scene.add_line_segments
         lines("/window/box", _edges(space), colors=EDGE, thickness=1.0, thickness_units="screen")
-        lines("/window/arrow", _arrow(space), colors=ARROW, thickness=2.0, thickness_units="screen")
+        self._arrow = lines("/window/arrow", _arrow(space), colors=ARROW, thickness=2.0, thickness_units="screen")
         self._ticks = lines(
             "/window/ticks", _ticks(space, [0.0]), colors=ARROW, thickness=2.0, thickness_units="screen"
         )
@@ -73,6 +82,7 @@ class CloudNode:
             for i in range(MAX_TICKS)
         ]
         self._depth = None
+        self._ticks.visible = self._arrow.visible = self._has_scale
 
     def _say_depth(self, milliseconds: float) -> None:
         """Ticks at round times before the newest moment."""
@@ -84,7 +94,7 @@ class CloudNode:
         places = [DEPTH * time / max(milliseconds, 1e-9) for time in times]
         self._ticks.points = _ticks(self._space, places)
         for i, label in enumerate(self._labels):
-            label.visible = i < len(times)
+            label.visible = self._has_scale and i < len(times)
             if label.visible:
                 label.text = "now" if i == 0 else f"−{times[i]:g} ms"
                 label.position = (-self._space.width / 2, self._space.height / 2 + 0.2, places[i])

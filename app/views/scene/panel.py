@@ -11,6 +11,7 @@ from app.html.cloud import EventCloud
 from app.html.elements import swatch
 from app.html.units import resolution
 from app.views.attention.state import AttentionState
+from app.views.demo.state import opens_cloud
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
 from app.views.scene.scene import SceneView, sites_behind
@@ -43,7 +44,17 @@ class ScenePanel(Panel):
             icon_button(f"scene:camera:{name}", icon, words, is_on=name == chosen) for name, icon, words in _CAMERAS
         )
         slot = '<div class="etv-scene-slot"></div>'
+        if page.state.workspace == "demo":
+            self._frame.show(_in_public(page, slot))
+            return
         self._frame.show(card("scene", "Event cloud", slot, page.areas, note=_legend(page, cloud), tools=tools))
+
+
+def _in_public(page: Page, slot: str) -> str:
+    """The large picture of the demo, in plain words; out of the way while the map stands in its place."""
+    hues = swatch(hexadecimal(ON), "brighter") + swatch(hexadecimal(OFF), "darker")
+    areas = page.areas if opens_cloud(page.state) else {}
+    return card("scene", "Changes the sensor reported", slot, areas, note=hues)
 
 
 def _legend(page: Page, cloud: EventCloud | None) -> str:

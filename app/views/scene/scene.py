@@ -56,7 +56,7 @@ class SceneView:
         with self._client.atomic():
             self._cloud.set_visible(shows_cloud)
             if cloud is not None:
-                self._cloud.show(space, cloud)
+                self._cloud.show(space, cloud, has_scale=state.workspace != "demo")
             self._plane.show(space, key, picture)
             self._maps.show(space, *_maps(page, behind))
             self._links.show(space, state.query, links_of(page.ready, state.query) if attention.shows_links else ())
@@ -112,7 +112,7 @@ def picture_of(page: Page, is_phone: bool) -> tuple[object, UInt8[np.ndarray, "h
         style = state.of(EventsState).event_image
         image, _ = event_picture(page.moment, style)
         return ("events", page.moment.key, style), image
-    if ready is None:
+    if ready is None or state.of(DemoState).guess == "asked":
         return None, None
     lags, look, tones = page.lags, look_of(page), tones_of(page)
     if (shows_act or state.workspace == "attention") and look is not None and ready.attention is not None:

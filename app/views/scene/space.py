@@ -10,6 +10,16 @@ from jaxtyping import Float, Float32
 from app.views.scene.state import Camera
 from etnet.events.events import Sensor
 
+TOWARDS: dict[Camera, tuple[float, float, float]] = {
+    "orbit": (-0.95, -0.62, -1.0),
+    "side": (-1.0, -0.16, -0.12),
+    "booth": (0.85, -0.22, -1.0),
+}
+"""From the middle of the box to the camera."""
+CLOSE = 0.76
+"""The booth's camera stands nearer than one that sees every corner."""
+LOWERED = 0.3
+"""How far below the middle the booth's camera looks, scene units: from above, the box lies low in the picture."""
 Vector = Float[np.ndarray, " 3"]
 """A place or a direction in the scene."""
 LONG_SIDE = 3.6
@@ -77,14 +87,14 @@ def camera_place(space: Space, camera: Camera, aspect: float) -> CameraPlace:
         half = float(np.tan(fov / 2))
         distance = 1.05 * max(space.height / 2 / half, space.width / 2 / (half * aspect))
         return CameraPlace((0.0, 0.0, -distance), (0.0, 0.0, 0.0), fov, distance * 0.5, distance * 1.5)
-    towards = np.array([-0.95, -0.62, -1.0] if camera == "orbit" else [-1.0, -0.16, -0.12])
+    towards = np.array(TOWARDS[camera])
     towards /= np.linalg.norm(towards)
-    middle = np.array([0.0, 0.0, DEPTH / 2])
+    middle = np.array([0.0, LOWERED if camera == "booth" else 0.0, DEPTH / 2])
     fov = 0.5
-    distance = _distance_to_see(space, middle, towards, fov, aspect)
+    distance = _distance_to_see(space, middle, towards, fov, aspect) * (CLOSE if camera == "booth" else 1.0)
     position = middle + towards * distance
     x, y, z = map(float, position)
-    return CameraPlace((x, y, z), (0.0, 0.0, DEPTH / 2), fov, 0.05, distance * 6)
+    return CameraPlace((x, y, z), (0.0, float(middle[1]), DEPTH / 2), fov, 0.05, distance * 6)
 
 
 def box_corners(space: Space) -> Float[np.ndarray, "8 3"]:
@@ -99,7 +109,7 @@ def _distance_to_see(space: Space, middle: Vector, towards: Vector, fov: float, 
     right /= np.linalg.norm(right)
     up = np.cross(right, towards)
     half = float(np.tan(fov / 2))
-    offsets = box_corners(space) - middle
+    offsets = box_corners(space) - np.array([0.0, 0.0, middle[2]])
     across, along, nearer = np.abs(offsets @ right), np.abs(offsets @ up), offsets @ towards
     # A corner `nearer` to the camera by n needs n more distance: |across| ≤ (d − n) · half · aspect.
     needed = np.maximum(across / (half * aspect), along / half) + nearer

@@ -9,7 +9,8 @@ from app.state import intents as ask
 from app.state.checks import passing
 from app.views.view import Here
 
-Camera = Literal["orbit", "front", "side"]
+Camera = Literal["orbit", "front", "side", "booth"]
+"""Presets; "booth" is the demo's: the image large in front, its events behind it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +34,11 @@ class SceneState:
 def reduce_scene(slice_: SceneState, intent: Any, here: Here) -> SceneState:
     """The attention workspace is a flat view of one map; the others look into the window's depth."""
     match intent:
-        case ChooseCamera("orbit" | "front" | "side"):
+        case ChooseCamera("orbit" | "front" | "side" | "booth"):
             return replace(slice_, camera=intent.camera, num_asked=slice_.num_asked + 1)
         case ask.ShowWorkspace(workspace):
-            return replace(slice_, camera="front" if workspace == "attention" else "orbit")
+            cameras: dict[str, Camera] = {"attention": "front", "demo": "booth"}
+            return replace(slice_, camera=cameras.get(workspace, "orbit"))
     return slice_
 
 

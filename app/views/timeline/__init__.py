@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from app.views.timeline.state import TimelineState, hear
-from app.views.view import EVERYWHERE, View
+from app.views.view import EXPERT, View
 
 if TYPE_CHECKING:
     import viser
@@ -25,7 +25,7 @@ VIEW = View(
     "TIMELINE",
     TimelineState(),
     _panel,
-    workspaces=EVERYWHERE,
+    workspaces=EXPERT,
     is_public=True,
     hear=hear,
 )

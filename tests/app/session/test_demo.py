@@ -34,6 +34,7 @@ from etnet.windows import BetweenFrames, ByCount, ByDuration, Window
 from tests.app.reducing import from_link, reduce
 from tests.app.stand_ins import Browser, served
 
+INVITED = 'data-testid="invitation"'
 OPEN = Limits(Sensor(40, 30), [Window(i, i * 10, i * 10 + 10, i * 1000, i * 1000 + 1000) for i in range(30)])
 
 
@@ -48,7 +49,7 @@ def test_the_show_runs_through_all_acts_of_all_recordings_and_begins_again():
         assert show.due(True, now + beat.seconds * 0.9) is None
         now += beat.seconds + 1e-6
     assert [name for name, _ in seen if name] == ["a", "b", "a"]
-    assert list(dict.fromkeys(act for _, act in seen)) == ["events", "image", "places"]
+    assert list(dict.fromkeys(act for _, act in seen)) == ["events", "image", "places", "invite"]
 
 
 def test_a_beat_counts_from_when_there_is_something_to_see_but_not_for_ever():
@@ -85,7 +86,7 @@ def test_no_visitor_gets_more_messages_through_than_the_bucket_holds(waits):
 def test_beats_ask_only_for_what_changes():
     playing = replace(public_view(ViewState()), is_playing=True)
     assert intents_of(steps_of("a")[0], playing) == (PointAt("events"),)
-    last = intents_of(steps_of("a")[-1], playing)
+    last = intents_of(steps_of("a")[-2], playing)
     assert last[:2] == (PointAt("places"), ask.TogglePlay())
     state = playing
     for intent in last:
@@ -165,14 +166,14 @@ def test_in_public_the_page_leads_until_it_is_touched_and_again_when_it_is_left(
     monkeypatch.setattr(demo, "IDLE", 1.0)
 
     async def story(viewer, browser):
-        await browser.until_shown('data-testid="pointed"')
-        await browser.until_shown("Touch anything")
+        await browser.until_shown('data-act="events"')
+        await browser.until_shown(INVITED)
         await browser.use(browser.widget("channel"), "touch|1")
         await browser.until_shown("Your turn")
-        assert "Touch anything" not in browser.html()
+        assert INVITED not in browser.html()
         await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
         await browser.until(lambda: newest(viewer).recording_id == "b")
-        await browser.until_shown("Touch anything")
+        await browser.until_shown(INVITED)
         await browser.until(lambda: newest(viewer).recording_id == "a")
 
     run(story, view=public_view)
@@ -180,7 +181,7 @@ def test_in_public_the_page_leads_until_it_is_touched_and_again_when_it_is_left(
 
 def test_in_public_nobody_changes_the_network_the_windows_or_what_the_next_one_sees():
     async def story(viewer, browser):
-        await browser.until_shown("Touch anything")
+        await browser.until_shown(INVITED)
         labels = {props.get("label") for props in browser.widgets.values()}
         assert not labels & {"Recording", "Network", "Windowing", "Precision", "Export", "Compare"}
         channel = browser.widget("channel")
@@ -190,7 +191,7 @@ def test_in_public_nobody_changes_the_network_the_windows_or_what_the_next_one_s
         assert viewer.engine.requests[-1][1].precision == "fp32"
         assert viewer.engine.requests[-1][1].policy == BetweenFrames()
         async with Browser.open(viewer.port, tab=9, storage=browser.storage) as next_one:
-            await next_one.until_shown("Touch anything")
+            await next_one.until_shown(INVITED)
         assert browser.storage == {}
 
     run(story, view=public_view)
@@ -198,12 +199,12 @@ def test_in_public_nobody_changes_the_network_the_windows_or_what_the_next_one_s
 
 def test_a_flood_of_messages_is_let_go_and_the_page_goes_on():
     async def story(viewer, browser):
-        await browser.until_shown("Touch anything")
+        await browser.until_shown(INVITED)
         channel = browser.widget("channel")
         for number in range(3000):
             await browser.use(channel, f"pick|pixel|0.{number % 90 + 10}|0.5|{number}")
         while "Reconstruction of window 3" not in browser.html():  # what comes in the flood's wake is let go with it
-            await browser.use(browser.widget("Window"), 3)
+            await browser.use(channel, "pick|span:0,0.3|0.13|0|9")
             await asyncio.sleep(0.3)
         session = next(iter(viewer.sessions.values()))
         assert session._mail.qsize() < BURST
@@ -213,7 +214,7 @@ def test_a_flood_of_messages_is_let_go_and_the_page_goes_on():
 
 def test_one_visitor_too_many_is_told_and_gets_no_session():
     async def story(viewer, browser):
-        await browser.until_shown("Touch anything")
+        await browser.until_shown(INVITED)
         async with Browser.open(viewer.port, tab=None) as other:
             await other.until(lambda: any("Many are looking" in str(props) for props in other.widgets.values()))
         assert len(viewer.sessions) == 1
@@ -229,17 +230,14 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
         placings = lambda: sum(kind == "SetCameraPositionMessage" for _, kind, _ in browser.arrivals)  # noqa: E731
         await browser.until_shown("Reconstruction of window")
         channel = browser.widget("channel")
-        assert placings() == 0, "the demo has no scene"
-        await browser.use(channel, "pick|workspace:inspect|0|0|1")
+        await browser.use(channel, "touch|1")
         await browser.until(lambda: placings() > 0)
+        await asyncio.sleep(0.5)
         before = placings()
         await browser.turn(aspect, (3, 1, -4))
         await asyncio.sleep(0.5)
         assert placings() == before, "while a visitor looks, the camera is theirs"
         monkeypatch.setattr(demo, "IDLE", 0.5)
-        await browser.until(lambda: 'data-etv-workspace="demo"' in browser.html(), 10)
-        monkeypatch.setattr(demo, "IDLE", 1e9)
-        await browser.use(channel, "pick|workspace:inspect|0|0|2")
         await browser.until(lambda: placings() > before)
 
     run(story, view=public_view, aspect=aspect)
@@ -247,11 +245,10 @@ def test_in_public_a_camera_that_was_turned_is_put_back_for_the_next_visitor(mon
 
 def test_on_a_phone_in_public_a_visitor_is_invited_and_chooses_a_recording():
     async def story(viewer, browser):
-        await browser.until_shown("Touch anything")
+        await browser.until_shown(INVITED)
         await browser.use(browser.widget("channel"), "touch|1")
         await browser.until_shown("Your turn")
-        assert "Where the network looks" not in browser.html()
-        assert 'data-k="open:b"' in browser.html()
+        await browser.until_shown('data-k="open:b"')
         await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
         await browser.until(lambda: newest(viewer).recording_id == "b")
 

@@ -1,0 +1,104 @@
+"""What the demo has beside the page: the visitor's own camera, and pages to take home."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from app.catalogue.homes import Homes
+from app.catalogue.mirror import Mirror
+from app.engine.downloads import Download, Downloaded
+from app.html.moment import Moment
+from app.session.jobs import JobNews
+from app.state import intents as ask
+from app.state.view_state import Limits, ViewState
+from app.views.demo.state import HOME_SLOT, HomeReady, OpenSheet
+from app.views.page import MirrorShown
+
+STUCK = 6.0
+"""Seconds after which the mirror goes on though the image of its moment never came."""
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorNews:
+    """A message: the visitor's camera has begun as this recording, or is over ("")."""
+
+    recording_id: str
+
+
+class Booth:
+    """One visitor's. Used by their thread."""
+
+    def __init__(self, mirror: Mirror | None = None, homes: Homes | None = None, public_url: str = "") -> None:
+        self.mirror, self.homes, self.public_url = mirror, homes, public_url.rstrip("/")
+        self._moved_at = 0.0
+
+    def listen(self, post: Callable[[MirrorNews], None]) -> None:
+        """Where news of the mirror go."""
+        if self.mirror is not None:
+            self.mirror.on_change = lambda recording_id: post(MirrorNews(recording_id))
+
+    @property
+    def recording_id(self) -> str:
+        """The mirror's recording, while it runs; "" otherwise."""
+        return "" if self.mirror is None else self.mirror.recording_id
+
+    def is_live(self, state: ViewState) -> bool:
+        """Whether the page shows the mirror."""
+        return bool(self.recording_id) and state.recording_id == self.recording_id
+
+    def heard(self, news: MirrorNews, home_id: str) -> tuple[Any, ...]:
+        """What follows when the camera begins or ends: its recording plays, or the former one is shown again."""
+        if news.recording_id:
+            return OpenSheet(""), ask.OpenRecording(news.recording_id), ask.TogglePlay()
+        trouble = self.mirror is not None and self.mirror.trouble
+        return ask.OpenRecording(home_id), ask.TogglePlay(), OpenSheet("mirror" if trouble else "")
+
+    def advance(self, state: ViewState, shown: int | None) -> None:
+        """Close the mirror's next window, once the image of the current one has come."""
+        if self.mirror is None or not self.is_live(state) or not state.is_playing:
+            return
+        if (shown is not None and shown >= state.index) or time.monotonic() - self._moved_at > STUCK:
+            self._moved_at = time.monotonic()
+            self.mirror.advance()
+
+    def newest(self, state: ViewState, limits: Limits) -> int | None:
+        """The window that is due while the mirror plays; `None` to stay."""
+        if not self.is_live(state) or not state.is_playing or not limits.windows:
+            return None
+        last = len(limits.windows) - 1
+        return last if last > state.index else None
+
+    def goes_on(self, intent: Any, was_playing: bool, state: ViewState) -> tuple[Any, ...]:
+        """A touch asks where the network looks; in the mirror, the world goes on meanwhile."""
+        is_query = isinstance(intent, ask.Query | ask.QueryFraction)
+        return (ask.TogglePlay(),) if is_query and was_playing and not state.is_playing and self.is_live(state) else ()
+
+    def shown(self, moment: Moment | None, ready_index: int | None) -> MirrorShown | None:
+        """What the page says of the mirror."""
+        mirror = self.mirror
+        if mirror is None:
+            return None
+        delay, is_live = None, moment is not None and bool(mirror.recording_id)
+        if moment is not None and is_live and moment.recording_id == mirror.recording_id and ready_index is not None:
+            delay = _delay(mirror, moment.windows, ready_index)
+        return MirrorShown(mirror.ticket, bool(mirror.recording_id), delay, mirror.trouble)
+
+    def kept(self, news: JobNews) -> tuple[Any, ...] | None:
+        """A page that is made goes to its place, and the visitor is told where; `None`: it is no such page."""
+        made = news.result.value
+        if news.slot != HOME_SLOT or not isinstance(made, Download) or self.homes is None:
+            return None
+        return HomeReady(self.homes.put(made.content)), Downloaded(news.slot)
+
+    def close(self) -> None:
+        """The visitor has gone."""
+        if self.mirror is not None:
+            self.mirror.close()
+
+
+def _delay(mirror: Mirror, windows: Sequence[Any], index: int) -> float | None:
+    behind = mirror.behind(windows[index].t_stop) if index < len(windows) else None
+    return None if behind is None else round(behind, 1)

@@ -1,0 +1,68 @@
+"""Before a demo's doors open: its first recording is rendered, so that the first visitor sees motion at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Event
+
+from app.catalogue.recordings import Catalogue, suited_policy
+from app.engine.engine import Engine
+from app.engine.requests import Failed, FrameRequest, Ready, Reply
+from app.state.view_state import ViewState
+from etnet.errors import EtnetError, ModelError
+from etnet.windows import plan_windows
+
+VISITOR = "rehearsal"
+MOST_WINDOWS = 120
+"""Of a long recording only its beginning is rendered."""
+PATIENCE = 120.0
+"""Seconds for which one image may take."""
+
+Tell = Callable[[int, int], None]
+"""Told (images made, images wanted)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsed:
+    """What was rendered of a recording, and how long an image took in the median (seconds)."""
+
+    num_images: int
+    step: float
+
+
+def rehearse(engine: Engine, catalogue: Catalogue, view: ViewState, tell: Tell, most: int = MOST_WINDOWS) -> Rehearsed:
+    """Render the windows of the view's recording from the first on. Raises EtnetError where that cannot be shown."""
+    recording = catalogue.open(view.recording_id)
+    policy = suited_policy(recording) if view.policy is None else view.policy
+    num_windows = min(len(plan_windows(recording, policy)), most)
+    if num_windows == 0:
+        raise EtnetError(f"{recording.name}: holds no events, so there is nothing to show")
+    took: list[float] = []
+    try:
+        for index in range(num_windows):
+            began = time.perf_counter()
+            request = FrameRequest(view.recording_id, view.model_id, view.precision, policy, index)
+            _render(engine, request)
+            took.append(time.perf_counter() - began)
+            tell(index + 1, num_windows)
+    finally:
+        engine.drop(VISITOR)
+    return Rehearsed(num_windows, sorted(took)[len(took) // 2])
+
+
+def _render(engine: Engine, request: FrameRequest) -> None:
+    is_there, failures = Event(), list[str]()
+
+    def hear(reply: Reply) -> None:
+        if isinstance(reply, Failed):
+            failures.append(reply.message)
+        if isinstance(reply, Failed) or (isinstance(reply, Ready) and not reply.is_approximate):
+            is_there.set()
+
+    engine.request(VISITOR, request, hear)
+    if not is_there.wait(PATIENCE):
+        raise ModelError(f"window {request.index}: no image within {PATIENCE:.0f} s; the machine is too slow, or busy")
+    if failures:
+        raise ModelError(failures[0])

@@ -1,0 +1,59 @@
+// What makes a page in public one that nobody can break: when the show starts over the page is loaded anew, a lost
+// connection is waited for with a sentence, and what is viser's own (its list of commands) does not open.
+(() => {
+  const LOST = 2500; // milliseconds without a page after which the connection counts as lost
+  const AGAIN = 2000;
+  const mark = () => document.querySelector("[data-etv-public]");
+  let isPublic = false; // once public, always
+  let led = null;
+  let seenAt = Date.now();
+  let cover = null;
+  const reload = () => location.reload();
+
+  const wait = async () => {
+    if (cover) return;
+    cover = document.createElement("div");
+    cover.className = "etv-booth-lost";
+    cover.dataset.testid = "lost";
+    cover.setAttribute("role", "status");
+    cover.textContent = "The connection was lost. The show goes on in a moment.";
+    document.body.append(cover);
+    for (;;) {
+      await new Promise((next) => setTimeout(next, AGAIN));
+      try {
+        const answer = await fetch("/healthz", { cache: "no-store" });
+        if (answer.ok) return reload();
+      } catch {
+        // the server is not there yet: a page that is loaded now would be a browser's error, and stay one
+      }
+    }
+  };
+
+  setInterval(() => {
+    const now = mark();
+    if (now) {
+      isPublic = true;
+      seenAt = Date.now();
+      const leads = now.dataset.etvPublic !== "none";
+      if (leads && led === false) reload(); // a visitor has gone: nothing of theirs survives
+      led = leads;
+    } else if (document.querySelector(".etv-page-mark, .etv-home-button")) {
+      seenAt = Date.now(); // in public, at another workspace
+    }
+    if (isPublic && Date.now() - seenAt > LOST) wait();
+  }, 250);
+
+  // viser's list of commands, its own menus and the browser's are not for the public.
+  window.addEventListener(
+    "keydown",
+    (event) => {
+      const opens = (event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "k";
+      if (isPublic && opens) {
+        event.preventDefault();
+        event.stopImmediatePropagation();
+      }
+    },
+    { capture: true },
+  );
+  window.addEventListener("contextmenu", (event) => isPublic && event.preventDefault());
+})();

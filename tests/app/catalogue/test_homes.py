@@ -1,0 +1,31 @@
+"""Pages to take home: found by whoever was given the address, gone in time, and never too many."""
+
+import time
+
+from app.catalogue.homes import PATH, Homes
+
+
+def test_a_page_is_found_by_its_own_address_alone():
+    homes = Homes()
+    one, other = homes.put(b"one"), homes.put(b"other")
+    assert (homes.get(one), homes.get(other)) == (b"one", b"other")
+    assert homes.get(PATH) is None
+    assert homes.get(one[:-1]) is None
+    assert len(one) > len(PATH) + 20
+    assert one != other
+
+
+def test_links_expire():
+    homes = Homes(lives=0.05)
+    path = homes.put(b"page")
+    assert homes.get(path) == b"page"
+    time.sleep(0.06)
+    assert homes.get(path) is None
+    assert homes.nbytes == 0
+
+
+def test_space_is_capped_and_the_oldest_go():
+    homes = Homes(largest=100)
+    paths = [homes.put(bytes(40)) for _ in range(4)]
+    assert homes.nbytes <= 100
+    assert [homes.get(path) is not None for path in paths] == [False, False, True, True]
