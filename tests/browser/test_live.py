@@ -53,7 +53,7 @@ def test_live_left_for_the_past_asked_returned_to_recorded_and_opened(browser, l
     image = box_of(page, page.get_by_alt_text(IMAGE))
     page.mouse.click(image["x"] + image["width"] / 2, image["y"] + image["height"] / 2)
     page.locator("body").press("2")
-    page.get_by_text("What pixel (30, 22) reads").wait_for()
+    page.get_by_text("What pixel (30, 22) attends to").wait_for()
     page.locator("body").press("1")
     assert _window(page) == left_at
 
