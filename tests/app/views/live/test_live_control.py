@@ -89,7 +89,7 @@ def test_the_demo_runs_on_the_live_recording_and_stands_still_for_the_place_it_p
     async def visit(viewer):
         async with Browser.open(viewer.port) as browser:
             await browser.until_shown('data-act="events"', 30)
-            assert viewer.page.follows
+            await browser.until(lambda: viewer.page.follows)
             assert viewer.page.state.recording_id == viewer.feed.id
             await browser.until_shown('data-act="places"', 30)
             await browser.until(lambda: not viewer.page.follows and viewer.page.state.query is not None)
@@ -104,6 +104,7 @@ def test_live_windows_are_never_planned_again_and_a_visitor_is_told_so():
     async def visit(viewer):
         async with Browser.open(viewer.port) as browser:
             await browser.until_shown('data-testid="is-live"')
+            await browser.until(lambda: viewer.page.follows)
             session = next(iter(viewer.sessions.values()))
             kept = viewer.page.state.policy
             session._speak(ask.ChoosePolicy(ByCount(77)))

@@ -1,0 +1,81 @@
+"""A view of one's own: what its file may define, what it may return, and how its errors are shown."""
+
+import numpy as np
+import pytest
+
+from app.views.own.html import error_html, own_html
+from app.views.own.load import OwnViewError, own_views
+from app.views.own.values import Html, Plot, Table
+
+
+def _file(folder, text, name="mine.py"):
+    path = folder / name
+    path.write_text(text, "utf-8")
+    return path
+
+
+def test_a_file_with_show_is_a_view_with_its_title_for_experts_only(tmp_path):
+    (view,) = own_views([_file(tmp_path, "title = 'Row profile'\ndef show(moment):\n    return 'seen'\n")])
+    assert (view.name, view.title) == ("own-row-profile", "Row profile")
+    assert not view.is_public
+    assert "demo" not in view.settings_in
+
+
+def test_a_function_is_a_view_too():
+    def busy_pixels(moment):
+        return moment.events
+
+    (view,) = own_views([busy_pixels])
+    assert view.title == "Busy pixels"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\n", "defines neither show"),
+        ("def show(moment)\n", "SyntaxError"),
+        ("import no_such_module_here\n", "no_such_module_here"),
+    ],
+)
+def test_a_file_that_is_no_view_is_refused_by_name(tmp_path, text, said):
+    with pytest.raises(OwnViewError, match=said) as refused:
+        own_views([_file(tmp_path, text)])
+    assert "mine.py" in str(refused.value)
+
+
+def test_a_file_that_is_not_there_and_two_of_one_name_are_refused(tmp_path):
+    with pytest.raises(OwnViewError, match="no such file"):
+        own_views([tmp_path / "none.py"])
+    mine = _file(tmp_path, "def show(moment):\n    return None\n")
+    with pytest.raises(OwnViewError, match="two views are called own-mine"):
+        own_views([mine, mine])
+
+
+def test_each_kind_of_value_is_drawn_as_what_it_is():
+    assert "<img" in own_html(np.zeros((4, 6)))
+    assert "<img" in own_html(np.zeros((4, 6, 3), np.uint8))
+    assert "<td>ON</td><td>0.5</td>" in own_html({"ON": 0.5})
+    assert own_html(Plot({"a": [0, 1, 2], "b": [2, 1, np.nan]}, x_label="x")).count("<polyline") == 2
+    assert "<th>name</th>" in own_html(Table(("name",), [("<b>",)]))
+    assert "&lt;b&gt;" in own_html("<b>")
+    assert "<b>mine</b>" in own_html(Html("<b>mine</b>"))
+    assert "Nothing to show" in own_html(None)
+
+
+def test_what_cannot_be_drawn_says_what_can():
+    with pytest.raises(TypeError, match="wanted an image"):
+        own_html(object())
+    with pytest.raises(TypeError, match="1 or 3 channels"):
+        own_html(np.zeros((2, 2, 5)))
+
+
+def test_an_error_names_the_users_file_and_line_and_shows_it(tmp_path):
+    path = _file(tmp_path, "def show(moment):\n    return [][3]\n")
+    (view,) = own_views([path])
+    panel = view.make_panel(None)
+    try:
+        panel._own.show(None)
+    except IndexError as error:
+        shown = error_html(error, str(path))
+    assert "mine.py, line 2: IndexError" in shown
+    assert "return [][3]" in shown
