@@ -94,9 +94,9 @@ def time_html(page: Page) -> tuple[str, str, str]:
     """Note, tools and body of the card of the site over time."""
     slice_ = page.state.of(AttentionState)
     quantities = {f"set:attention.curve:{name}": words for name, words in QUANTITIES.items()}
-    places = {"set:attention.follows:False": "pixel", "set:attention.follows:True": "patch"}
+    toggle = f"set:attention.follows:{not slice_.follows}"
     tools = segmented("Quantity", quantities, f"set:attention.curve:{slice_.curve}") + segmented(
-        "Place", places, f"set:attention.follows:{slice_.follows}"
+        "Follow the patch along its events", {toggle: "patch"}, toggle if slice_.follows else ""
     )
     shown = shown_of(page)
     if shown is None:

@@ -120,7 +120,7 @@ def _map(shown: Shown) -> str:
     at = divmod(peak, shown.grid.columns)
     right = (
         f'<span class="et-chip" data-etv-readout><span data-testid="peak" data-token="{peak}"'
-        f' data-weight="{row[peak]:.7g}">peak: token {at[1]}, {at[0]} · {times_uniform(row)[peak]:.3g} × uniform</span>'
+        f' data-weight="{row[peak]:.7g}">peak {times_uniform(row)[peak]:.3g} × uniform at {at[1]}, {at[0]}</span>'
         "</span>"
     )
     badge = f'<span class="et-chip et-exact" data-testid="reads">{escape(left)}</span>'
