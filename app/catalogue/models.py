@@ -38,6 +38,13 @@ class ModelEntry:
     source: str | Path = field(repr=False)
     card: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
     """All that the weights file says of itself."""
+    architecture: str = ""
+    """The class of the network, as the weights file names it; empty for what has no such file."""
+
+    @property
+    def is_untrained(self) -> bool:
+        """Whether it is a weights file that knows of no training: seeded weights have no card."""
+        return bool(self.architecture) and not self.card
 
 
 def digest(path: Path) -> str:
@@ -83,23 +90,24 @@ def _baseline_entry(name: str) -> ModelEntry:
 
 
 def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
-    card = _card(path)
+    architecture, card = _metadata(path)
     band = card.get("events_per_pixel")
     warm_up = card.get("warm_up")
     return ModelEntry(
         id=model_id,
         title=str(card.get("title", path.stem)),
-        subtitle="bundled" if source == path.stem else path.name,
+        subtitle="bundled" if source == path.stem else path.name if card else f"{path.name}, untrained weights",
         is_linear_light=card.get("target_tone", "linear") == "linear",
         trained_band=(float(band[0]), float(band[1])) if isinstance(band, list) and len(band) == 2 else None,
         warm_up=int(warm_up) if isinstance(warm_up, (int, float)) else None,
         source=source,
         card=card,
+        architecture=architecture,
     )
 
 
-def _card(path: Path) -> dict[str, Any]:
-    """A weights file's card without torch, which takes seconds to import."""
+def _metadata(path: Path) -> tuple[str, dict[str, Any]]:
+    """A weights file's architecture and card without torch, which takes seconds to import."""
     from safetensors import SafetensorError, safe_open
 
     try:
@@ -112,4 +120,4 @@ def _card(path: Path) -> dict[str, Any]:
         raise WeightsError(
             f"{path.name}: not a weights file that can be read ({error}); make one with `etnet convert`"
         ) from None
-    return card if isinstance(card, dict) else {}
+    return str(metadata.get("architecture", "")), card if isinstance(card, dict) else {}

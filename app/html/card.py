@@ -40,3 +40,24 @@ def segmented(label: str, options: Mapping[str, str], chosen: str) -> str:
         for key, words in options.items()
     )
     return f'<span class="etv-segmented" role="group" aria-label="{escape(label)}">{buttons}</span>'
+
+
+def select(label: str, key: str, options: Mapping[str, str], chosen: str, *, classes: str = "", off: str = "") -> str:
+    """One choice of many: `options` are words by value; a choice sends `key:value`. `off` cannot be chosen."""
+    rows = "".join(
+        f'<option value="{escape(value)}"{" selected" if value == chosen else ""}'
+        f"{' disabled' if value == off else ''}>{escape(words)}</option>"
+        for value, words in options.items()
+    )
+    return (
+        f'<select class="etv-select {classes}" data-set="{escape(key)}" aria-label="{escape(label)}"'
+        f' title="{escape(label)}">{rows}</select>'
+    )
+
+
+def number_field(label: str, key: str, value: float, step: float) -> str:
+    """A number above 0 that is typed; Enter or leaving it sends `key:value`."""
+    return (
+        f'<input type="number" class="etv-number" data-set="{escape(key)}" value="{value:g}" min="0" step="{step:g}"'
+        f' aria-label="{escape(label)}" title="{escape(label)}">'
+    )

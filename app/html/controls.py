@@ -7,6 +7,7 @@ from jaxtyping import Float32, UInt8
 
 from app.html.elements import ON_PICK, empty, escape, legend, picture
 from app.html.moment import PICTURES
+from app.html.reads import ramp_reads
 from app.html.units import count, resolution
 from etnet.render.colours import OFF, ON, css_gradient, diverge, diverging, hexadecimal
 from etnet.render.encode import data_url
@@ -89,7 +90,8 @@ def signed_picture(values: Float32[np.ndarray, "h w"], limit: float, alt: str, k
     """A signed picture; `key` tells it from all others."""
     url = PICTURES.text(("signed", key, limit), lambda: data_url(diverge(values, limit), is_lossless=True))
     height, width = values.shape
-    return picture(url, alt, key="pixel", size=(width, height), marks=[marks] if marks else [])
+    reads = ramp_reads(diverging(), -100 * limit, 100 * limit, "%")
+    return picture(url, alt, key="pixel", size=(width, height), marks=[marks] if marks else [], reads=reads)
 
 
 def signed_legend(title: str, limit: float, low: str = "darker", high: str = "brighter") -> str:

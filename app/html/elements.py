@@ -25,25 +25,28 @@ def picture(
     classes: str = "",
     size: tuple[int, int] | None = None,
     style: str = "",
+    reads: str = "",
 ) -> str:
     """An image in a frame. A click on it sends `key` (`data-k`), if there is one.
 
-    `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click.
+    `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click. `reads`
+    says what a colour stands for (`app.html.reads`): the browser then tells the value under the pointer.
     """
     measures = f' width="{size[0]}" height="{size[1]}"' if size else ""
     picking = f' data-k="{escape(key)}" {ON_PICK}' if key else ""
     ratio = f"--ratio:{size[0] / size[1]:.4f};" if size else ""
     css = f' style="{ratio}{style}"' if ratio or style else ""
     pickable = " et-pick" if key else ""
+    values = f' data-reads="{escape(reads)}"' if reads else ""
     return (
-        f'<span class="et-picture{pickable} {classes}"{css}>'
+        f'<span class="et-picture{pickable} {classes}"{css}{values}>'
         f'<img src="{url}" alt="{escape(alt)}"{measures}{picking} draggable="false">{"".join(marks)}</span>'
     )
 
 
 def marker(x: float, y: float) -> str:
     """A cross at fractions (x, y) of the picture."""
-    return f'<i class="et-cross" data-testid="query" style="left:{x:.2%};top:{y:.2%}"></i>'
+    return f'<i class="et-cross" data-testid="query" style="--u:{x:.4f};--v:{y:.4f}"></i>'
 
 
 def legend(title: str, gradient: str, ticks: Sequence[tuple[float, str]]) -> str:

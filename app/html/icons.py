@@ -25,6 +25,7 @@ _PATHS = {
     "info": '<circle cx="8" cy="8" r="6"/><path d="M8 7.3v4M8 4.800v.1"/>',
     "close": '<path d="M4 4l8 8M12 4l-8 8"/>',
     "code": '<path d="M5.5 4.5 2.5 8l3 3.500M10.5 4.500l3 3.5-3 3.5"/>',
+    "variance": '<path d="M8 2.500v6M5 5.500h6M4 13h8"/>',
     "pin": '<path d="M8 9.500V14M5 9.500h6L10 6V2.500H6V6z"/>',
 }
 

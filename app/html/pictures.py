@@ -10,6 +10,8 @@ from app.engine.requests import Failed, Ready, Working
 from app.html.attention.changed import change_words
 from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
+from app.html.reads import grey_reads
+from app.html.swipe import swiped
 from app.html.tones import Tones
 from app.html.units import count, milliseconds, short
 from etnet.errors import RecordingError
@@ -60,6 +62,7 @@ def reconstruction_html(
     working: Working | None = None,
     failed: Failed | None = None,
     badge: str = "",
+    beside: str = "",
 ) -> str:
     """The newest frame that is there, what kind of frame it is and, with `wanted`, how far that window has come.
 
@@ -81,7 +84,10 @@ def reconstruction_html(
         key="pixel",
         marks=marks,
         size=(width, height),
+        reads=grey_reads(tones),
     )
+    if beside:
+        image = swiped(image, beside, ("reconstruction", "camera"), width / height)
     lags = "et-lags" if ready.is_former or wanted not in (None, ready.request.index) else ""
     return panel("reconstruction", f'<div class="{lags}">{image}</div>', lag, badges(ready, tones, badge))
 
@@ -143,6 +149,16 @@ def badges(ready: Ready, tones: Tones, first: str = "") -> str:
     return f'<div class="et-chips">{"".join(found)}</div>'
 
 
+def camera_picture(moment: Moment, tones: Tones) -> str:
+    """The camera's frame as a picture alone; nothing where there is none."""
+    if (found := camera_image(moment, tones)) is None:
+        return ""
+    grey, stamp = found
+    height, width = grey.shape
+    url = PICTURES.text(("camera", moment.recording_id, stamp, tones), lambda: data_url(grey, is_lossless=False))
+    return picture(url, "Camera frame", key="pixel", size=(width, height), reads=grey_reads(tones))
+
+
 def camera_frame_html(moment: Moment, *, tones: Tones) -> str:
     """The ordinary camera's frame at this moment, in the same tone, or why there is none."""
     found = camera_image(moment, tones)
@@ -154,14 +170,9 @@ def camera_frame_html(moment: Moment, *, tones: Tones) -> str:
             "This sensor, or this file, holds events only. There is no ordinary image to compare with.",
         )
         return panel("camera", body)
-    grey, stamp = found
-    height, width = grey.shape
-    key = ("camera", moment.recording_id, stamp, tones)
-    url = PICTURES.text(key, lambda: data_url(grey, is_lossless=False))
-    image = picture(url, "Camera frame", key="pixel", size=(width, height))
-    offset = (stamp - moment.window.t_stop) / 1000
+    offset = (found[1] - moment.window.t_stop) / 1000
     when = "frame at window end" if abs(offset) < 0.05 else _beside(offset)
-    return panel("camera", image, f'<div class="et-caption"><span>{escape(when)}</span></div>')
+    return panel("camera", camera_picture(moment, tones), f'<div class="et-caption"><span>{escape(when)}</span></div>')
 
 
 def _beside(offset_ms: float) -> str:

@@ -28,6 +28,15 @@ class ModelFacts:
     """Whether its frames are near linear light."""
     source: str = ""
     """What the command line calls it."""
+    architecture: str = ""
+    """The class of the network, where a weights file names it."""
+    is_untrained: bool = False
+    """Whether its weights file knows of no training."""
+
+    @property
+    def estimates_variance(self) -> bool:
+        """Whether it gives a second map beside its frame: its own estimate of the variance."""
+        return self.architecture == "PIENet"
 
 
 def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step_milliseconds: float | None) -> str:
@@ -43,7 +52,7 @@ def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step
             f"{density} ev/px",
             "events per pixel and window",
         ),
-        ("network", f"<b>{escape(model.title)}</b> {escape(_precision(ready))}", _runtime(ready)),
+        ("network", f"<b>{escape(model.title)}</b> {escape(_precision(ready))}{_untrained(model)}", _runtime(ready)),
         ("windowing", escape(policy(moment.policy)), "which events make one frame"),
         ("step", f"{milliseconds(step_milliseconds)} a step" if step_milliseconds else "", "one encode and one decode"),
         ("state", _state(ready), "recurrent state"),
@@ -54,6 +63,14 @@ def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step
         if value
     )
     return panel("provenance", f'<dl class="et-facts">{listed}</dl>')
+
+
+def _untrained(model: ModelFacts) -> str:
+    return (
+        ' <span class="et-chip et-warning" data-testid="untrained">untrained weights</span>'
+        if model.is_untrained
+        else ""
+    )
 
 
 def _precision(ready: Ready | None) -> str:

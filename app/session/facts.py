@@ -9,4 +9,12 @@ from app.html.provenance import ModelFacts
 def facts_of(entry: ModelEntry) -> ModelFacts:
     """Name, trained band, card, tone, and what the command line calls it."""
     source = entry.source if isinstance(entry.source, str) else entry.source.name
-    return ModelFacts(entry.title, entry.trained_band, entry.card, entry.is_linear_light, source)
+    return ModelFacts(
+        entry.title,
+        entry.trained_band,
+        entry.card,
+        entry.is_linear_light,
+        source,
+        entry.architecture,
+        entry.is_untrained,
+    )

@@ -15,19 +15,20 @@ from app.catalogue.visitor import VisitorCatalogue
 from app.engine.denoised import cleaned_once
 from app.engine.playbacks import WARM_UP
 from app.engine.queue import Deliver
+from app.engine.replayed import FIRST, replayed_windows
 from app.engine.requests import FrameRequest, Reply
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.session.facts import facts_of
 from app.session.frames import NewestFrames
-from app.state.run import Run
+from app.state.run import Rule, Run
 from app.state.view_state import Limits, ViewState
 from app.views.page import RunFrame
 from etnet.errors import EtnetError, WindowError
-from etnet.events.cleaning import Cleaning
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.denoise import uncleaned
 from etnet.events.recording import Recording
-from etnet.windows import Policy, Window, from_window
+from etnet.windows import BetweenFrames, Policy, Window, from_window
 
 MOST_RUNS = 3
 """Runs beside the main one that are computed."""
@@ -37,12 +38,13 @@ KEPT_PLANS = 4
 
 @dataclass(frozen=True, slots=True)
 class RunPlan:
-    """How a run cuts a recording, and from which stamp (µs) on it sees it."""
+    """How a run cuts a recording, and from which stamp (µs) on it sees it; or the protocol that it replays."""
 
     recording_id: str
     policy: Policy
-    cleaning: Cleaning
-    cold_from: int | None
+    cleaning: Cleaning = UNCLEANED
+    cold_from: int | None = None
+    replays: Rule | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +52,7 @@ class RunPlanned:
     """A letter: a run's windows, and the number of the first one in its policy's plan; or why there are none."""
 
     plan: RunPlan
+    policy: Policy
     windows: Sequence[Window] = ()
     cold_at: int = 0
     trouble: str = ""
@@ -107,21 +110,21 @@ class VisitorRuns:
     def runs(
         self, state: ViewState, runs: Sequence[Run] | None, moment: Moment | None, main: NewestFrames
     ) -> tuple[RunFrame, ...]:
-        """All runs at this moment, the main one first; none while `runs` is `None`. Plans what is not planned."""
+        """All runs at this moment, the main one first; none while `runs` is `None`. Plans what is not planned.
+
+        The frames of the page itself are the main run's, unless that replays a protocol.
+        """
         if runs is None or moment is None:
             self._plans.clear()
             return ()
-        return (
-            self._shown(0, Run(), state, moment, main),
-            *(
-                self._shown(number, run, state, moment, self._answers[number])
-                for number, run in enumerate(runs[:MOST_RUNS], start=1)
-            ),
+        return tuple(
+            self._shown(number, run, state, moment, main if _is_main(number, run) else self._answers[number])
+            for number, run in enumerate(runs[: MOST_RUNS + 1])
         )
 
     def ask(self, runs: Sequence[RunFrame]) -> None:
         """Request every run's current frame; what is not shown any more is dropped."""
-        wanted = {run.number: run.request for run in runs[1:] if run.request}
+        wanted = {run.number: run.request for run in runs if run.request and not _is_main(run.number, run.run)}
         for number in self._asked - set(wanted):
             self.drop(number)
         for number, request in wanted.items():
@@ -153,7 +156,7 @@ class VisitorRuns:
             return RunFrame(number, run, None, None, 0, ModelFacts(""), WARM_UP, trouble=str(error))
         facts, warm_up = facts_of(entry), entry.warm_up or WARM_UP
         cleaning = state.cleaning if run.cleaning is None else run.cleaning
-        plan = RunPlan(state.recording_id, run.policy or moment.policy, cleaning, run.cold_from)
+        plan = RunPlan(state.recording_id, run.policy or moment.policy, cleaning, run.cold_from, run.replays)
         planned = self._planned(plan, moment)
         if planned is None or planned.trouble:
             trouble = planned.trouble if planned else ""
@@ -165,12 +168,12 @@ class VisitorRuns:
             state.recording_id,
             entry.id,
             run.precision or state.precision,
-            plan.policy,
+            planned.policy,
             index,
             cleaning=cleaning,
             cold_at=planned.cold_at,
         )
-        if number == 0 and answers.request is not None and answers.request.index == index:
+        if _is_main(number, run) and answers.request is not None and answers.request.index == index:
             # The main run shows what was changed inside the network, and is scored so.
             intervention, edit, since, once = answers.request.change
             request = replace(request, intervention=intervention, edit=edit, since=since, once=once)
@@ -183,8 +186,8 @@ class VisitorRuns:
 
     def _planned(self, plan: RunPlan, moment: Moment) -> RunPlanned | None:
         """The windows of a plan, if they are there; otherwise they are planned beside the page."""
-        if plan == RunPlan(moment.recording_id, moment.policy, moment.cleaning, None):
-            return RunPlanned(plan, moment.windows)
+        if plan == RunPlan(moment.recording_id, moment.policy, moment.cleaning):
+            return RunPlanned(plan, moment.policy, moment.windows)
         if plan in self._plans:
             self._plans.move_to_end(plan)
             return self._plans[plan]
@@ -195,14 +198,30 @@ class VisitorRuns:
 
     def _plan(self, plan: RunPlan, recording: Recording) -> None:
         try:
-            if plan.cold_from is not None and is_live(recording):
-                raise WindowError("a run from a cold start needs a whole recording; record, and open the file")
-            windows = windows_of(cleaned_once(recording, plan.cleaning), plan.policy)
-            cold_at = 0
-            if plan.cold_from is not None:
-                cold_at = bisect.bisect_left(windows, plan.cold_from, key=lambda window: window.t_start)
-            if cold_at >= len(windows):
-                raise WindowError("no window begins after this moment; start cold earlier")
-            self._post(RunPlanned(plan, from_window(windows, cold_at), cold_at))
+            self._post(_planned_windows(plan, cleaned_once(recording, plan.cleaning)))
         except EtnetError as error:
-            self._post(RunPlanned(plan, trouble=str(error)))
+            self._post(RunPlanned(plan, plan.policy, trouble=str(error)))
+
+
+def _is_main(number: int, run: Run) -> bool:
+    """Whether a run is what the rest of the page shows."""
+    return number == 0 and run == Run()
+
+
+def _planned_windows(plan: RunPlan, recording: Recording) -> RunPlanned:
+    """The windows of a plan. Raises EtnetError, in words for the page, where there are none."""
+    needs_frames = plan.replays is not None or isinstance(plan.policy, BetweenFrames)
+    if needs_frames and not recording.ground_truth:
+        what = "no protocol can score it" if plan.replays else "its events cannot be cut between them"
+        raise WindowError(f"This recording has no camera frames, so {what}.")
+    if (plan.cold_from is not None or plan.replays) and is_live(recording):
+        raise WindowError("A run from a cold start needs a whole recording: record, and open the file.")
+    if plan.replays is not None:
+        policy = replayed_windows(recording, plan.replays)
+        return RunPlanned(plan, policy, from_window(windows_of(recording, policy), FIRST), FIRST)
+    windows, cold_at = windows_of(recording, plan.policy), 0
+    if plan.cold_from is not None:
+        cold_at = bisect.bisect_left(windows, plan.cold_from, key=lambda window: window.t_start)
+    if cold_at >= len(windows):
+        raise WindowError("No window begins after this moment; start cold earlier.")
+    return RunPlanned(plan, plan.policy, from_window(windows, cold_at), cold_at)

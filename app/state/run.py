@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from app.engine.requests import Precision
 from etnet.events.cleaning import Cleaning
 from etnet.windows import Policy
 
+Rule = Literal["paper", "evreal"]
+"""A protocol of `etnet.evaluation`, by name; its module needs torch."""
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A reconstruction beside the main one; `None` is "as the main one"."""
+    """A reconstruction of the page; `None` is "as the main one", and `Run()` the main one itself."""
 
     model_id: str | None = None
     precision: Precision | None = None
@@ -19,3 +23,5 @@ class Run:
     cleaning: Cleaning | None = None
     cold_from: int | None = None
     """Stamp (µs) of the first event that the network sees: its state is zero there."""
+    replays: Rule | None = None
+    """The protocol whose windows it sees, from that protocol's cold start, in place of windows of its own."""

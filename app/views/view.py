@@ -122,7 +122,7 @@ class View:
     change_request: Callable[[Any, FrameRequest], FrameRequest] = _as_asked
     """What it changes in every request for a frame: an intervention, a filter."""
     runs: Callable[[ViewState], tuple[Run, ...] | None] = _no_runs
-    """The runs that it shows beside the main one; `None` while it compares nothing."""
+    """The runs that it compares, the main one first; `None` while it compares nothing."""
     run_jobs: Callable[[ViewState, Moment, Sequence[RunFrame], NumSeen], Mapping[str, Job]] = _no_run_jobs
     """What it wants computed of these runs."""
     over_timeline: Callable[[Page], str] = _nothing_over

@@ -201,6 +201,14 @@
     document.addEventListener(kind, touch, { capture: true, passive: true });
   }
 
+  // Small selects and numbers of our own: what is chosen is a key with the choice at its end.
+  document.addEventListener("change", (event) => {
+    const key = event.target.dataset?.set;
+    if (!key || event.target.value === "") return;
+    say("pick", `${key}:${event.target.value.replaceAll("|", "")}`, 0, 0);
+    event.target.blur();
+  });
+
   // Keys that viser's commands do not know. Not while something is being typed. Arrows step, and never move the camera
   // of the scene: they are taken before it hears them; a slider or a row of buttons that has the focus keeps them.
   const keys = { ",": "comma", ".": "period", "?": "question" };
@@ -373,7 +381,7 @@
   place();
   window.etnetHello();
   follow();
-  for (const name of ["tour", "upload", "tidy", "keys"]) {
+  for (const name of ["tour", "upload", "tidy", "keys", "pictures"]) {
     const script = document.createElement("script");
     script.src = `/static/${name}.js`;
     document.head.append(script);

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from app.views.compare.jobs.runs import run_jobs
 from app.views.compare.over_timeline import over_timeline
 from app.views.compare.state import CompareState, compared_runs, hear, reduce_compare
-from app.views.view import Card, View
+from app.views.view import View
 
 if TYPE_CHECKING:
     import viser
@@ -29,7 +29,6 @@ VIEW = View(
     _panel,
     workspaces=frozenset({"compare"}),
     settings_in=frozenset({"compare"}),
-    cards=(Card("compare", stage=frozenset({"compare"})),),
     reduce=reduce_compare,
     hear=hear,
     runs=compared_runs,

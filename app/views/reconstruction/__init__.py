@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.views.reconstruction.jobs import reconstruction_jobs
 from app.views.reconstruction.state import ReconstructionState
 from app.views.view import EXPERT, Card, View
 
@@ -31,4 +32,5 @@ VIEW = View(
         Card("camera", stage=frozenset({"inspect"})),
     ),
     is_public=True,
+    jobs=reconstruction_jobs,
 )

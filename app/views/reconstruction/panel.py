@@ -8,7 +8,7 @@ from app.html.card import card
 from app.html.pictures import camera_frame_html
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
-from app.views.reconstruction.html import reconstruction_of
+from app.views.reconstruction.html import shown_html, tools_html
 from app.views.reconstruction.state import tones_of
 
 
@@ -22,8 +22,8 @@ class ReconstructionPanel(Panel):
 
     def show(self, page: Page) -> None:
         """Draw the newest frame and the camera's nearest one."""
-        body = reconstruction_of(page)
-        self._reconstruction.show(card("reconstruction", "Reconstruction", body, page.areas))
+        tools = tools_html(page) if page.areas.get("reconstruction") in ("a", "b") else ""
+        self._reconstruction.show(card("reconstruction", "Reconstruction", shown_html(page), page.areas, tools=tools))
         if page.moment is None:
             self._camera.show(card("camera", "Camera", "", page.areas))
             return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from app.html.tones import Tones
 from app.state.view_state import ViewState
@@ -19,6 +19,8 @@ class ReconstructionState:
 
     view: ClassVar[str] = "reconstruction"
     tone: Tone = "auto"
+    shows: Literal["frame", "swipe", "variance"] = "frame"
+    """The frame, the frame left of the camera's, or the network's own estimate of its variance."""
 
 
 def tones_in(state: ViewState, is_linear_light: bool) -> Tones:

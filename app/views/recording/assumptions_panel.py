@@ -36,16 +36,16 @@ class Statement:
     def build(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Lay out the widgets, once. They name the options that errors and remarks speak of."""
         self._recording_id = ""
-        self._folder = gui.add_folder("What the file does not say", expand_by_default=False, visible=False)
+        self._folder = gui.add_folder("Import options", expand_by_default=False, visible=False)
         with self._folder:
             self._sensor = gui.add_text("Sensor", "", hint="--assume: width×height in pixels, for example 640×480")
-            self._unit = gui.add_dropdown("Stamps count", tuple(UNITS), hint="--time-unit")
+            self._unit = gui.add_dropdown("Time unit", tuple(UNITS), hint="--time-unit")
             self._polarity = gui.add_dropdown("Polarity", tuple(POLARITIES), hint="--polarity")
-            self._sorts = gui.add_checkbox("Put in order", False, hint="--sort: by their stamps; loads the whole file")
+            self._sorts = gui.add_checkbox("Sort timestamps", False, hint="--sort: loads the whole file")
             self._drops = gui.add_checkbox(
                 "Drop outside", False, hint="--drop-outside: events beyond the sensor; loads the whole file"
             )
-            button = gui.add_button("Open it so", icon=viser.Icon.FOLDER_OPEN)
+            button = gui.add_button("Reopen", icon=viser.Icon.FOLDER_OPEN)
 
         async def pressed(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
             if event.client is None or not self._recording_id:

@@ -16,12 +16,14 @@ from app.html.card import card
 from app.html.choices import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
 from app.html.uploads import handing_html
 from app.state import intents as ask
+from app.views.compare.state import CompareState
 from app.views.page import Choice, Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched
 from app.views.recording.assumptions_panel import Statement
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.html.examination import closed_html, doctor_html
 from app.views.recording.html.fitness import fitness_button_html, fitness_html
+from app.views.recording.html.networks import networks_html
 from app.views.recording.html.sensor import binning_html, sensor_words
 from app.views.recording.html.video import film_html
 from app.views.recording.jobs.examination import SLOT
@@ -70,8 +72,9 @@ class RecordingPanel(Panel):
 
     def show(self, page: Page) -> None:
         """Draw what is known of the recording."""
-        body = _doctor(page) + _fitness(page)
-        self._statistics.show(card("recording", "Recording statistics", body, {"recording": "stage"}))
+        body = _doctor(page) + _fitness(page) + networks_html(page.models, page.state.model_id)
+        parts = f'<div class="etv-columns" data-testid="statistics">{body}</div>'
+        self._statistics.show(card("recording", "Recording statistics", parts, {"recording": "stage"}))
 
     def show_settings(self, page: Page) -> None:
         """Let the widgets say what is open, and list what was noticed on opening it."""
@@ -206,4 +209,5 @@ def _fitness(page: Page) -> str:
         return ""
     if not page.state.of(RecordingState).fits:
         return fitness_button_html()
-    return fitness_html(page.moment, page.results.get(FITNESS_SLOT), page.model)
+    offset = page.state.of(CompareState).offset
+    return fitness_html(page.moment, page.results.get(FITNESS_SLOT), page.model, offset)

@@ -64,7 +64,7 @@ def reduce_recording(slice_: RecordingState, intent: Any, here: Here) -> Recordi
     """What is trimmed out lies between the page's marks; another mark takes back an order that failed or runs."""
     match intent:
         case ask.ShowWorkspace("recording"):
-            return replace(slice_, examines=True)
+            return replace(slice_, examines=True, fits=True)
         case ask.MarkHere() | ask.PutMark() | ask.ClearMarks() | DropTrim():
             return replace(slice_, cut=None) if slice_.cut is not None else slice_
         case Trim():

@@ -6,10 +6,11 @@ from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, 
 from app.state import intents as ask
 from app.views import VIEWS
 from app.views.attention.state import OpenSite, PinMap, Unpin
-from app.views.compare.state import AddRun, ChooseRun, RemoveRun
+from app.views.compare.state import AddRun, ChangeRun, RemoveRun, StartCold
 from app.views.inspect.state import ResetAll, Switch
 from app.views.recording.state import Trim
 from app.views.scene.state import ChooseCamera
+from etnet.windows import BetweenFrames, ByDuration
 
 SITE = "scale1.encoder.0.self"
 SAID = {
@@ -31,8 +32,14 @@ SAID = {
     "pick|inspect:switch:head x 3|0|0|1": Switch("head x 3"),
     "pick|inspect:reset|0|0|1": ResetAll(),
     "pick|compare:add|0|0|1": AddRun(),
-    "pick|compare:choose:1|0|0|1": ChooseRun(1),
-    "pick|compare:remove:0|0|0|1": RemoveRun(0),
+    "pick|compare:remove:1|0|0|1": RemoveRun(1),
+    "pick|compare:cold:2:on|0|0|1": StartCold(2, True),
+    "pick|compare:model:2:file-7:x|0|0|1": ChangeRun(2, "model_id", "file-7:x"),
+    "pick|compare:model:2:main|0|0|1": ChangeRun(2, "model_id", None),
+    "pick|compare:model:0:etnet-half|0|0|1": ask.ChooseModel("etnet-half"),
+    "pick|compare:windows:1:milliseconds:20|0|0|1": ChangeRun(1, "policy", ByDuration(20_000)),
+    "pick|compare:windows:0:camera frames|0|0|1": ask.ChoosePolicy(BetweenFrames()),
+    "pick|compare:precision:1:bf16|0|0|1": ChangeRun(1, "precision", "bf16"),
     "pick|recording:trim|0|0|1": Trim(),
     "pick|scene:camera:side|0|0|1": ChooseCamera("side"),
     "pick|help|0|0|1": AskHelp(),
@@ -57,7 +64,9 @@ def test_what_a_page_says_is_understood(text, intent):
     [
         "", "pick", "pick|elsewhere|0|0|1", "pick|pixel|x|y|1", "pick|pixel|nan|inf|1", "pick|cut:1,2|0|0|1",
         "pick|cut:a,b,c,d|0|0|1", "pick|at:1|0|0|1", "pick|span:1|0|0|1", "pick|goto:x|0|0|1", "pick|pixel|0|0|9|9",
-        "pick|workspace:kitchen|0|0|1", "pick|compare:remove:x|0|0|1", "pick|attention:pin:a:evil|0|0|1",
+        "pick|workspace:kitchen|0|0|1", "pick|compare:remove:x|0|0|1", "pick|compare:filter:1:evil|0|0|1",
+        "pick|compare:windows:1:milliseconds:nan|0|0|1", "pick|compare:windows:1:milliseconds:-3|0|0|1",
+        "pick|compare:precision:0:evil|0|0|1", "pick|compare:cold|0|0|1", "pick|attention:pin:a:evil|0|0|1",
         "pick|scene:camera:under|0|0|1", "key|f13|1", "hello|a|b|c|1", "size|-1|x|1", "|" * 500,
     ],
 )  # fmt: skip

@@ -102,7 +102,7 @@ def test_in_public_a_visitor_may_ask_of_public_views_and_of_the_page_what_costs_
     policy = ByCount(5)
     refused = (
         ask.ChooseModel("m"), ask.ChoosePrecision("bf16"), ask.ChoosePolicy(policy), ask.ReopenRecording("a~1"),
-        StartExport("mp4"), Switch("tpa"), ask.Set("compare", "inspector", "runs"), ask.Set("nothing", "x", 1),
+        StartExport("mp4"), Switch("tpa"), ask.Set("compare", "replays", True), ask.Set("nothing", "x", 1),
     )  # fmt: skip
     allowed = (ask.Seek(3), ask.TogglePlay(), ask.Query(1, 2), ask.OpenRecording("b"), ask.Set("attention", "head", 1))
     assert not any(may_ask(intent, VIEWS) for intent in refused)

@@ -16,7 +16,7 @@ from app.state.link import VERSION, LinkError
 from app.state.stored import to_text
 from app.state.view_state import SHARED_FIELDS, Limits, ViewState
 from app.views import VIEWS
-from app.views.compare.state import MOST_RUNS, ZOOMS, AddRun, CompareState
+from app.views.compare.state import MOST_RUNS, NAMES, AddRun, CompareState
 from app.views.inspect.state import NO_CHANGE, InspectState
 from etnet.events.denoise import Cleaning
 from etnet.nets.intervention import Intervention
@@ -58,8 +58,7 @@ def assert_drawn(state):
     """What panels rely on without asking, from the next intent on."""
     runs = reduce(state, ask.FormChanged(), Limits()).of(CompareState)
     assert len(runs.runs) <= MOST_RUNS
-    assert runs.chosen < max(len(runs.runs), 1)
-    assert runs.zoom in ZOOMS
+    assert runs.camera == "frame" or NAMES.index(runs.camera) <= len(runs.runs)
 
 
 @pytest.mark.parametrize(("view", "field"), VIEW_FIELDS)
@@ -70,8 +69,6 @@ def test_whatever_a_field_is_set_to_its_slice_stays_sound(view, field, value, is
     state = reduce(before, ask.Set(view, field, value, is_word), Limits())
     assert_sound(state)
     assert len(state.of(CompareState).runs) <= MOST_RUNS
-    assert state.of(CompareState).chosen < max(len(state.of(CompareState).runs), 1)
-    assert state.of(CompareState).zoom in ZOOMS
     assert state.of(InspectState).change == NO_CHANGE
 
 
@@ -173,18 +170,16 @@ def test_a_number_too_large_for_a_float_is_refused_where_it_stands():
 
 
 def test_half_a_character_is_refused_because_no_page_can_be_sent_with_it():
-    stored = {"tab": "\ud800", "views": {"compare": {"inspector": "runs", "runs": [{"model_id": "\udfff"}]}}}
+    stored = {"tab": "\ud800", "views": {"compare": {"sight": "swipe", "runs": [{"model_id": "\udfff"}]}}}
     state, refused = from_text(json.dumps(stored), ViewState())
     assert set(refused) == {"tab", "compare: runs"}
-    assert state == ViewState().put(CompareState("runs"))
+    assert state == ViewState().put(CompareState(sight="swipe"))
 
 
-def test_a_run_that_is_not_there_is_not_the_chosen_one_whoever_says_so():
-    for stored in ({"chosen": 2}, {"runs": [{}], "chosen": 2}, {"runs": [{}] * 9, "zoom": 3}):
+def test_the_error_of_a_run_that_is_not_there_is_not_shown_whoever_asks_for_it():
+    for stored in ({"camera": "C"}, {"runs": [{}], "camera": "D"}, {"runs": [{}] * 9, "camera": "D"}):
         state, _ = from_text(json.dumps({"views": {"compare": stored}}), ViewState())
         assert_drawn(state)
-    assert reduce(ViewState(), ask.Set("compare", "chosen", 2), Limits()).of(CompareState).chosen == 0
-    assert reduce(ViewState(), ask.Set("compare", "zoom", 3), Limits()).of(CompareState).zoom in ZOOMS
 
 
 HEARD = st.sampled_from(["pick", "key", "copied", "touch", "hello", "size", "link", ""])

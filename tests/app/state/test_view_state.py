@@ -54,13 +54,13 @@ ANYTHING = st.none() | st.booleans() | ANY_INT | ANY_FLOAT | st.text(max_size=9)
 COMPARISONS = st.one_of(
     st.builds(compare.AddRun),
     st.builds(compare.RemoveRun, ANY_INT | st.integers(0, 3)),
-    st.builds(compare.ChooseRun, ANY_INT | st.integers(0, 3)),
     st.builds(
         compare.ChangeRun,
+        ANY_INT | st.integers(0, 4),
         st.sampled_from(["model_id", "precision", "policy", "cleaning"]),
         ANYTHING | st.sampled_from(["fp32", "bf16"]),
     ),
-    st.builds(compare.StartCold, st.booleans()),
+    st.builds(compare.StartCold, ANY_INT | st.integers(0, 4), st.booleans()),
 )
 SETS = st.sampled_from(VIEWS).flatmap(
     lambda view: st.builds(
@@ -110,8 +110,6 @@ def assert_sound(state):
                 assert checked(type(held), entry.name, value) == value
     runs = state.of(CompareState)
     assert len(runs.runs) <= compare.MOST_RUNS
-    assert runs.chosen < max(len(runs.runs), 1)
-    assert runs.zoom in compare.ZOOMS
     to_text(state).encode()
 
 
@@ -236,18 +234,17 @@ def test_play_at_the_end_starts_over():
 def test_a_run_starts_cold_at_the_window_on_show_and_forgets_it_in_another_recording():
     bounds = limits()
     state = reduce(ViewState(recording_id="a", index=7), compare.AddRun(), bounds)
-    state = reduce(state, compare.StartCold(True), bounds)
+    state = reduce(state, compare.StartCold(1, True), bounds)
     assert state.of(CompareState).runs[0].cold_from == bounds.windows[7].t_start
-    assert reduce(state, compare.StartCold(False), bounds).of(CompareState).runs[0].cold_from is None
+    assert reduce(state, compare.StartCold(1, False), bounds).of(CompareState).runs[0].cold_from is None
     assert reduce(state, ask.OpenRecording("b"), bounds).of(CompareState).runs == (compare.Run(),)
 
 
-def test_three_runs_are_the_most_and_the_chosen_one_exists():
+def test_three_runs_beside_the_main_one_are_the_most_and_each_can_be_removed():
     state = ViewState()
     for _ in range(5):
         state = reduce(state, compare.AddRun(), limits())
     assert len(state.of(CompareState).runs) == compare.MOST_RUNS
     for _ in range(5):
-        state = reduce(state, compare.RemoveRun(0), limits())
-        assert state.of(CompareState).chosen < max(len(state.of(CompareState).runs), 1)
+        state = reduce(state, compare.RemoveRun(1), limits())
     assert state.of(CompareState).runs == ()

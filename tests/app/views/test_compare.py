@@ -1,15 +1,17 @@
 """VisitorRuns over the real server, seen by a browser that is only a websocket: no model, no screen."""
 
 import asyncio
-import re
 import time
+from dataclasses import replace
 
 import pytest
 
+from app.engine.replayed import replayed_windows
+from app.session.runs import RunPlan, VisitorRuns
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
-from app.views.recording.jobs.fitness import FitnessJob
 from etnet.events.denoise import Cleaning
 from etnet.windows import BetweenFrames, ByDuration
+from tests.app.fakes import recording_of
 from tests.app.stand_ins import Browser, served
 
 
@@ -36,11 +38,10 @@ async def press(browser, text):
     await browser.use(browser.widget("channel"), f"pick|{text}|0.5|0.5|{time.monotonic_ns()}")
 
 
-async def open_runs(browser):
-    await browser.use(browser.widget("Window"), 15)
-    await browser.until_shown("Reconstruction of window 15")
-    await browser.use(browser.widget("channel"), "pick|workspace:compare|0|0|1")
-    await browser.use(browser.widget("Compare"), "runs at this moment")
+async def open_runs(browser, window=15):
+    await browser.use(browser.widget("Window"), window)
+    await browser.until_shown(f"Reconstruction of window {window}")
+    await press(browser, "workspace:compare")
     await browser.until_shown('data-testid="run-A"')
 
 
@@ -60,12 +61,12 @@ def test_a_run_follows_the_moment_in_its_own_windows(viewer):
         await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until_shown("Run B: window 15")
-        await browser.use(browser.widget("Windowing "), "milliseconds")
+        await press(browser, "compare:windows:1:milliseconds:20")
         await browser.until_shown("every 20 ms")
         await browser.use(browser.widget("Window"), 21)
         await browser.until_shown("Run B: window 10")
         await browser.until_shown("Run A: window 21")
-        assert "camera frame taken as the window ends" in browser.html()
+        assert "frame at window end" in browser.html()
 
     visit(viewer, story, 62)
     run, request = run_requests(viewer)[-1]
@@ -73,12 +74,12 @@ def test_a_run_follows_the_moment_in_its_own_windows(viewer):
     assert {request.index for visitor, request in viewer.engine.requests if "/" not in visitor} >= {15, 21}
 
 
-def test_each_run_can_be_cleaned_and_started_cold(viewer):
+def test_each_run_can_be_filtered_and_started_cold(viewer):
     async def story(browser):
         await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until_shown("Run B: window 15")
-        await browser.use(browser.widget("Cold start here"), True)
+        await press(browser, "compare:cold:1:on")
         await browser.until_shown("Run B: window 0")
         await browser.until_shown("cold start at 0.1")
         await press(browser, "compare:cleaned")
@@ -98,15 +99,28 @@ def test_a_run_that_cannot_be_says_why_and_the_others_go_on(viewer):
         await press(browser, "compare:add")
         await browser.use(browser.widget("Window"), 29)
         await browser.until_shown("Run B: window 29")
-        await browser.use(browser.widget("Cold start here"), True)
+        await press(browser, "compare:cold:1:on")
         await browser.until_shown("Run B: window 0")
-        await browser.use(browser.widget("Windowing "), "milliseconds")
-        await browser.until_shown("no window begins after this moment")
+        await press(browser, "compare:windows:1:milliseconds:20")
+        await browser.until_shown("No window begins after this moment")
         assert "Run A: window 29" in browser.html()
-        await browser.use(browser.widget("Cold start here"), False)
+        await press(browser, "compare:cold:1:off")
         await browser.until_shown("Run B: window 14")
 
     visit(viewer, story, 64)
+
+
+def test_on_a_recording_without_frames_a_run_between_frames_says_one_plain_sentence():
+    plan = RunPlan("a", BetweenFrames())
+    events = recording_of(20)
+    posted = []
+    runs = VisitorRuns(None, None, "ada", posted.append)
+    runs._plan(plan, events)
+    runs._plan(replace(plan, replays="paper"), events)
+    assert [letter.trouble for letter in posted] == [
+        "This recording has no camera frames, so its events cannot be cut between them.",
+        "This recording has no camera frames, so no protocol can score it.",
+    ]
 
 
 def test_a_run_that_is_removed_costs_nothing_more(viewer):
@@ -114,32 +128,27 @@ def test_a_run_that_is_removed_costs_nothing_more(viewer):
         await open_runs(browser)
         await press(browser, "compare:add")
         await browser.until_shown("Run B: window 15")
-        await press(browser, "compare:remove:0")
+        await press(browser, "compare:remove:1")
         await browser.until(lambda: 'data-testid="run-B"' not in browser.html())
         await browser.until(lambda: any(visitor.endswith("/run1") for visitor in viewer.engine.dropped))
 
     visit(viewer, story, 65)
 
 
-def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
+def test_each_run_is_scored_at_the_moment_and_over_time_while_the_workspace_is_open(viewer):
     jobs = viewer.engine.jobs
 
     async def story(browser):
         seen = len(jobs)
         await open_runs(browser)
         await press(browser, "compare:add")
-        await browser.until(lambda: any(isinstance(job, MomentScore) for _, _, job in jobs[seen:]))
-        await browser.use(browser.widget("Compare"), "scores over time")
+        await browser.until(lambda: sum(isinstance(job, MomentScore) for _, _, job in jobs[seen:]) >= 2)
         await browser.until(lambda: sum(isinstance(job, Strip) for _, _, job in jobs[seen:]) == 2)
-        await browser.use(browser.widget("Protocol’s own range"), True)
+        await press(browser, "set:compare.replays:True")
         await browser.until(lambda: sum(isinstance(job, ProtocolRun) for _, _, job in jobs[seen:]) == 2)
-        await press(browser, "workspace:recording")
+        await press(browser, "workspace:inspect")
         dropped = lambda: {slot for _, slot, job in jobs[seen:] if job is None}  # noqa: E731
-        await browser.until(lambda: {"compare.protocol.0", "compare.protocol.1"} <= dropped())
-        await press(browser, "set:recording.fits:True")
-        await browser.until(lambda: any(isinstance(job, FitnessJob) for _, _, job in jobs[seen:]))
-        await press(browser, "set:recording.fits:False")
-        await browser.until(lambda: "recording.fitness" in dropped())
+        await browser.until(lambda: {"compare.time.0", "compare.time.1", "compare.moment.0"} <= dropped())
 
     visit(viewer, story, 66)
     asked = next(job for _, _, job in jobs if isinstance(job, MomentScore))
@@ -147,28 +156,35 @@ def test_each_inspector_asks_its_own_questions_and_a_closed_one_none(viewer):
     assert asked.frame == 16  # window 15 ends with frame 16
 
 
-def test_values_are_read_out_at_the_clicked_pixel_also_when_zoomed(viewer):
+def test_in_a_protocols_range_every_run_shows_the_windows_that_the_protocol_feeds(viewer):
     async def story(browser):
         await open_runs(browser)
-        await browser.use(browser.widget("Zoom"), "4×")
-        await browser.until_shown("cut:15,12,10,7")
-        await browser.use(browser.widget("channel"), "pick|cut:15,12,10,7|0.55|0.95|7")
-        await browser.until_shown("raw values at pixel (20, 18)")
-        shown = re.search(r'data-testid="value-camera" data-value="([0-9.]+)"', browser.html())
-        assert float(shown[1]) == pytest.approx((18 * 40 + 20) / (40 * 30 - 1), rel=1e-6)
-        assert 'data-testid="value-A" data-value="0.5"' in browser.html()
+        await press(browser, "set:compare.replays:True")
+        await browser.until(lambda: any(run == "run0" for run, _ in run_requests(viewer)))
 
     visit(viewer, story, 67)
+    request = next(request for run, request in run_requests(viewer) if run == "run0")
+    opened = viewer.shelf.recordings["a"]
+    assert (request.policy, request.cold_at, request.precision) == (replayed_windows(opened, "paper"), 1, "fp32")
+
+
+def test_choosing_for_run_a_chooses_for_the_page(viewer):
+    async def story(browser):
+        await open_runs(browser)
+        await press(browser, "compare:windows:0:milliseconds:20")
+        await browser.until_shown("Run A: window 7")
+
+    visit(viewer, story, 68)
 
 
 def test_messages_about_runs_that_make_no_sense_change_nothing(viewer):
     async def story(browser):
         await open_runs(browser)
-        for text in ("compare:", "compare:choose:7", "compare:remove:x", "compare:remove:9", "cut:1,2", "cut:a,b,c,d",
-                     "at:1", "span:1", "span:nan,inf", "goto:x", "goto:inf"):  # fmt: skip
+        for text in ("compare:", "compare:cold:7:on", "compare:remove:x", "compare:remove:9", "cut:1,2", "cut:a,b,c,d",
+                     "at:1", "span:1", "span:nan,inf", "goto:x", "goto:inf", "compare:windows:3:ms:1e999"):  # fmt: skip
             await press(browser, text)
         await browser.use(browser.widget("Window"), 3)
         await browser.until_shown("window 3 of 0 – 29")
         await browser.until_shown("Run A: window 3")
 
-    visit(viewer, story, 68)
+    visit(viewer, story, 69)

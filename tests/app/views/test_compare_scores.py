@@ -10,19 +10,20 @@ from app.catalogue.models import ModelEntry
 from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
 from app.engine.engine import Engine
+from app.engine.replayed import FIRST, replayed_windows
 from app.engine.requests import FrameRequest, Ready
 from app.views.compare.jobs import scores as looking
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
 from app.views.recording.jobs.fitness import FitnessJob
 from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
 from etnet.evaluation.metrics import sharpness
-from etnet.evaluation.protocol import EVREAL, PAPER, PROTOCOLS
+from etnet.evaluation.protocol import EVREAL, PAPER, PROTOCOLS, plan_protocol
 from etnet.events.denoise import Cleaning
 from etnet.events.open import open_recording
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
 from etnet.reconstruction import reconstruct
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, from_window, plan_windows
 from tests.app.fakes import Inbox, Notes, recording_of
 from tests.evaluation.recordings import made_up
 from tests.real_data import real_file
@@ -73,6 +74,7 @@ def test_the_strip_holds_each_frame_against_its_camera_frame_as_the_protocols_ju
     judge = FrameJudge(PROTOCOLS[rule], Judges.default())
     assert strip.indices.tolist() == list(range(7))
     assert not strip.lags.any()
+    assert strip.frames.tolist() == list(range(1, 8))
     for index, (window, step) in enumerate(reconstruct(network, recording, BetweenFrames())):
         assert strip.stamps[index] == window.t_stop
         target = torch.from_numpy(recording.ground_truth.read_frame(index + 1))[None, None]
@@ -96,7 +98,7 @@ def test_on_a_real_sequence_it_replays_the_cut_of_the_tables(tmp_path):
     save_weights(build_model("firenet"), tmp_path / "mine.safetensors", dtype=None)
     path = real_file("derived/slider_depth_0.4s_evreal.zip")
     catalogue = Catalogue(ViewerConfig(file=path, data=tmp_path))
-    model = next(entry for entry in catalogue.models() if entry.subtitle == "mine.safetensors")
+    model = next(entry for entry in catalogue.models() if entry.subtitle.startswith("mine.safetensors"))
     made = Engine(catalogue, 64 << 20, threads=1, prefetches=False)
     try:
         shown = answer(
@@ -194,3 +196,20 @@ def test_a_cleaned_run_shows_what_the_cleaned_recording_gives(engine, network):
 def test_what_kind_of_recording_it_is_is_told_bit_by_bit(engine):
     found = answer(engine, FitnessJob(request()))
     assert found.activity.num_looked_at == made_up().num_events
+
+
+@pytest.mark.parametrize("rule", ["paper", "evreal"])
+def test_a_replayed_protocol_shows_the_very_frames_that_it_scores(engine, network, rule):
+    recording = made_up()
+    policy = replayed_windows(recording, rule)
+    wanted = evaluate(network, recording, PROTOCOLS[rule])
+    items = plan_protocol(recording, PROTOCOLS[rule]).items
+    windows = from_window(plan_windows(recording, policy), FIRST)
+    assert [window.t_stop for window in windows] == [item.window.t_stop for item in items]
+    assert [window.num_events for window in windows][1:] == [item.window.num_events for item in items][1:]
+    for index in (0, 3, len(items) - 1):
+        inbox = Inbox()
+        engine.request("ada", request(index, policy, cold_at=FIRST), inbox)
+        inbox.ready(index, timeout=60)
+        values = answer(engine, MomentScore(request(index, policy, cold_at=FIRST), rule, items[index].frame))
+        assert values["lpips"] == wanted.rows["as it is"]["lpips"][index]

@@ -6,23 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32
 
 from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.html.moment import ARRAYS, Moment
 from app.html.tones import Tones
 from app.html.units import milliseconds, policy
 from app.state.run import Run
-from app.views.compare.state import CompareState
+from app.views.compare.state import NAMES, CompareState
 from app.views.page import Page, RunFrame
 from app.views.reconstruction.state import tones_in
 from etnet.events.cleaning import Cleaning
 from etnet.windows import Window
 
-NAMES = ("A", "B", "C", "D")
-"""The main run is A."""
-COLOURS = ("#ffffff", "#f2e24e", "#eba6d2", "#5fd6b8")
-"""Of curves and marks, in the same order: apart from each other and from polarity for every common colour blindness."""
+COLOURS = ("#ffffff", "#b9b0f5", "#f2e24e", "#5fd6b8")
+"""Of curves and marks, in the order of `NAMES`: apart from each other, and from polarity, for every common colour
+blindness."""
 SAME_TIME = 1_000
 """µs that window and camera frame may differ before the difference is called one (EVREAL's bound)."""
 
@@ -80,34 +79,36 @@ class RunShown:
     @property
     def words(self) -> str:
         """What it is, in one line."""
+        return " · ".join((self.model_title, *self.settings))
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """How it differs from its network's plain run between any frames, in words."""
         if self.request is None:
-            return self.model_title
-        parts = [self.model_title]
+            return ()
+        parts = []
         if self.ready is not None and self.request.precision != "fp32":
             parts.append(self.ready.contract.runtime.precision)
-        parts.append(policy(self.request.policy))
+        parts.append("protocol’s windows" if self.run.replays else policy(self.request.policy))
         if not self.request.is_original:
             parts.append("changed inside")
         if not self.request.cleaning.changes_nothing:
             parts.append(cleaning_words(self.request.cleaning))
-        return " · ".join(parts)
+        return tuple(parts)
 
     def events_per_pixel(self, num_pixels: int) -> float | None:
         """How dense its window is."""
         return None if self.window is None else self.window.num_events / num_pixels
 
     @property
-    def warm_up_seconds(self) -> float | None:
-        """Recording seconds until it is called warm, at the rate of the current window; 0 when it is. `None` where
-        nothing is known, and infinite where the recording ends before."""
-        if self.request is None or self.window is None:
-            return None
-        left = max(self.warm_up - self.request.index, 0)
-        if self.ready is not None and self.ready.request.index == self.request.index and self.ready.warm_up:
+    def state_words(self) -> str:
+        """How much its recurrent state has seen."""
+        index = 0 if self.request is None else self.request.index
+        left = max(self.warm_up - index, 0)
+        if self.ready is not None and self.ready.request.index == index and self.ready.warm_up:
             left = self.ready.warm_up - self.ready.num_seen
-        if left > self.num_windows - 1 - self.request.index:
-            return float("inf") if left else 0.0
-        return left * (self.window.t_stop - self.window.t_start) / 1e6
+            return "state warm" if left <= 0 else f"warm-up {self.ready.num_seen} of {self.ready.warm_up}"
+        return "state warm" if not left else f"warm-up {index} of {self.warm_up}"
 
     def with_values(self, values: Mapping[str, float] | None) -> RunShown:
         """The same, with what was measured."""
@@ -169,6 +170,3 @@ def truth_frame(moment: Moment, truth: Truth | None) -> Float32[np.ndarray, "h w
     frame = ARRAYS.get(key, lambda: source.read_frame(truth.index), lambda made: made.nbytes)
     size = (moment.recording.sensor.height, moment.recording.sensor.width)
     return frame if frame.shape == size else None
-
-
-Grey = UInt8[np.ndarray, "h w"]

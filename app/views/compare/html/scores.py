@@ -1,110 +1,71 @@
-"""Scores over time: one curve a run, means, the worst frames. A click on either goes there."""
+"""Scores over time: one curve a run, and the means over the frames that all runs have, with the worst of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from app.html.elements import ON_PICK, empty, escape, panel
 from app.html.moment import Moment
 from app.html.timeline_marks import place_of
 from app.html.units import count, rate, seconds, short
-from app.views.compare.html.run import SAME_TIME, RunShown
-from app.views.compare.html.runs import RULES, decimals
-from app.views.compare.state import CompareState
+from app.views.compare.html.run import SAME_TIME
+from app.views.compare.html.series import (
+    ARROWS,
+    BETTER_HIGH,
+    TITLES,
+    Series,
+    common_keys,
+    decimals,
+    mean_over,
+    worst_of,
+)
+from app.views.compare.state import CompareState, Measure
 
-if TYPE_CHECKING:
-    from app.engine.jobs import JobResult
-    from app.views.compare.jobs.scores import StripScores
-    from etnet.evaluation.scores import Scores
-
-TITLES = {
-    "lpips": "LPIPS ↓",
-    "mse": "MSE ↓",
-    "ssim": "SSIM ↑",
-    "temporal": "temporal consistency ↓",
-    "sharpness": "sharpness",
-    "contrast": "contrast",
-    "rate": "events per second",
-    "density": "events per pixel",
-}
-MEANT = ("mse", "ssim", "lpips", "temporal", "sharpness", "contrast")
+MEANT: tuple[Measure, ...] = ("mse", "ssim", "lpips", "temporal", "sharpness", "contrast")
 """Measures of the table of means, in its order."""
-BETTER_HIGH = ("ssim", "sharpness", "contrast")
-NUM_WORST = 5
+NUM_WORST = 3
+_SHORT: dict[Measure, str] = {"temporal": "temporal", "sharpness": "sharpness", "contrast": "contrast"}
 _WIDTH, _HEIGHT = 1000, 150
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Series:
-    """What is known of one run over time. `lags` as in `StripScores`; `share` 0 … 1."""
-
-    run: RunShown
-    stamps: Int64[np.ndarray, " n"]
-    values: Mapping[str, Float64[np.ndarray, " n"]]
-    lags: Int64[np.ndarray, " n"]
-    share: float
-    trouble: str = ""
-    is_sparse: bool = False
-    remarks: tuple[str, ...] = ()
-
-    def mean(self, measure: str) -> float:
-        """Over the frames that have it; NaN where none does."""
-        column = self.values.get(measure, np.empty(0))
-        return float(np.nanmean(column)) if np.isfinite(column).any() else float("nan")
-
-
-def series_of(run: RunShown, result: JobResult | None, replays: bool) -> Series:
-    """A run with what a job has found out; empty before it has."""
-    none = np.empty(0, np.int64)
-    if result is None or result.value is None:
-        return Series(run, none, {}, none, 0.0, result.trouble if result else "")
-    if replays:
-        scores: Scores = result.value
-        lags = np.zeros(len(scores.stamps), np.int64)
-        values = {str(name): column for name, column in scores.rows["as it is"].items()}
-        return Series(run, scores.stamps, values, lags, result.share, result.trouble, False, scores.remarks)
-    strip: StripScores = result.value
-    return Series(run, strip.stamps, strip.values, strip.lags, result.share, result.trouble, strip.is_sparse)
-
-
-def scores_html(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
-    """The chart of one measure, all means, and the chosen run's worst frames."""
-    if not series:
-        return ""
+def chart_html(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
+    """One curve a run over the recording's time. A click goes there."""
     measure = view.measure
-    has_it = any(np.isfinite(each.values.get(measure, np.empty(0))).any() for each in series)
-    chart = _chart(moment, series, measure) if has_it else _why_empty(series, measure, view)
-    worst = _worst(moment, series[min(view.chosen + 1, len(series) - 1)], measure) if has_it else ""
-    title = f'<div class="et-lead">{TITLES[measure]}, one curve a run</div>'
-    return panel("scores", title, chart, _progress(series), _means(series), worst, _words(series, view))
-
-
-def _chart(moment: Moment, series: Sequence[Series], measure: str) -> str:
+    columns = [each.column(measure) for each in series]
+    known = [column[np.isfinite(column)] for column in columns]
+    if not any(len(column) for column in known):
+        return panel("chart-empty", _why_empty(moment, series, measure, view))
     span = moment.recording.span
-    columns = [each.values.get(measure, np.empty(0)) for each in series]
-    known = np.concatenate([column[np.isfinite(column)] for column in columns])
-    low, high = float(known.min()), float(known.max())
-    room = (high - low) * 0.08 or 0.01
-    low, high = low - room, high + room
+    low, high = _ends(np.concatenate(known))
     lines = "".join(
         _line(each, column, span.start, span.stop, low, high) for each, column in zip(series, columns, strict=True)
     )
     duration = span.duration / 1e6
-    picking = f' data-k="span:0,{duration:.6f}" {ON_PICK}'
-    low_words, high_words, last = _value(measure, low), _value(measure, high), seconds(duration, 2)
-    at = (moment.window.t_stop - span.start) / max(span.duration, 1)
+    at = min(max((moment.window.t_stop - span.start) / max(span.duration, 1), 0), 1)
     return (
-        f'<div class="et-chart et-pick"{picking} data-testid="chart">'
+        f'<div class="et-chart et-pick" data-k="span:0,{duration:.6f}" {ON_PICK} data-testid="chart">'
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">{lines}</svg>'
-        f'<span class="et-chart-high">{high_words}</span><span class="et-chart-low">{low_words}</span>'
-        f'<i class="et-head-line" style="left:{min(max(at, 0), 1):.3%}"></i></div>'
-        f'<div class="et-caption"><span>0 s</span><span>click to go there</span><span>{last}</span></div>'
+        f'<span class="et-chart-high">{_value(measure, high)}</span>'
+        f'<span class="et-chart-low">{_value(measure, low)}</span>'
+        f'<i class="et-head-line" style="left:{at:.3%}"></i></div>'
+        f'<div class="et-caption et-ends"><span>0 s</span><span>{seconds(duration, 2)}</span></div>'
     )
+
+
+def chart_note(measure: Measure) -> str:
+    """Which way is better, and what a click does."""
+    better = {"↓": "lower is better · ", "↑": "higher is better · "}.get(ARROWS.get(measure, ""), "")
+    return f"{better}click to go there"
+
+
+def _ends(known: Float64[np.ndarray, " n"]) -> tuple[float, float]:
+    """Lowest and highest value of the chart, with some room."""
+    low, high = float(known.min()), float(known.max())
+    room = (high - low) * 0.08 or 0.01
+    return low - room, high + room
 
 
 def _line(each: Series, column: Float64[np.ndarray, " n"], start: int, stop: int, low: float, high: float) -> str:
@@ -127,9 +88,9 @@ def trace(xs: Float64[np.ndarray, " n"], ys: Float64[np.ndarray, " n"]) -> str:
     return " ".join(f"{'M' if apart else 'L'}{x:.1f} {y:.1f}" for apart, x, y in pairs)
 
 
-def curves_over(moment: Moment, series: Sequence[Series], measure: str) -> str:
+def curves_over(moment: Moment, series: Sequence[Series], measure: Measure) -> str:
     """The same curves in the timeline's own measure (SVG, 1,000 wide): time across, 4 … 30 down."""
-    columns = [each.values.get(measure, np.empty(0)) for each in series]
+    columns = [each.column(measure) for each in series]
     known = np.concatenate([column[np.isfinite(column)] for column in columns]) if columns else np.empty(0)
     if not len(known):
         return ""
@@ -146,72 +107,92 @@ def curves_over(moment: Moment, series: Sequence[Series], measure: str) -> str:
     return drawn
 
 
-def _why_empty(series: Sequence[Series], measure: str, view: CompareState) -> str:
-    if all(each.trouble for each in series):
-        return empty("Cannot be scored", series[0].trouble)
-    if any(each.share < 1 and not each.trouble for each in series):
-        return empty("Nothing is scored yet", "Frames are made and scored while nobody waits for another one.")
+def _why_empty(moment: Moment, series: Sequence[Series], measure: Measure, view: CompareState) -> str:
+    troubles = [each.trouble for each in series if each.trouble]
+    if troubles and len(troubles) == len(series):
+        return empty("Cannot be scored", troubles[0])
+    if any(not each.is_whole for each in series):
+        return empty("Nothing scored yet", "Frames are made and scored while nobody waits for another one.")
     if measure == "temporal" and not view.replays:
-        return empty("Only in the protocol’s own run", "It needs two frames of the camera in a row: replay the cut.")
-    return empty("No such value here", "Without a camera frame only sharpness, contrast and events can be measured.")
+        return empty("Only in the protocol’s range", "It needs two camera frames in a row.")
+    return empty("No such value here", _no_camera(moment) or "No window ends near a camera frame.")
 
 
-def _progress(series: Sequence[Series]) -> str:
-    parts = []
-    for each in series:
-        tag = f'<b class="et-tag" style="--hue:{each.run.colour}">{each.run.name}</b>'
-        scored = f"{count(len(each.stamps))} scored" + ("" if each.share >= 1 else f", {each.share:.0%}")
-        words = escape(each.trouble) if each.trouble else f"{escape(each.run.words)} · {scored}"
-        done = (
-            ""
-            if each.share >= 1 or each.trouble
-            else f'<div class="et-bar"><i style="width:{each.share:.0%}"></i></div>'
-        )
-        parts.append(
-            f'<div class="et-series" data-testid="series-{each.run.name}">{tag}<span>{words}</span>{done}</div>'
-        )
-    return "".join(parts)
+def _no_camera(moment: Moment) -> str:
+    if moment.recording.ground_truth:
+        return ""
+    return "This recording has no camera frames: only sharpness, contrast and events can be measured."
 
 
-def _means(series: Sequence[Series]) -> str:
-    names = [name for name in MEANT if any(np.isfinite(each.mean(name)) for each in series)]
+def means_title(series: Sequence[Series]) -> str:
+    """What the means are over."""
+    num = len(common_keys(series))
+    if not num:
+        return "Means"
+    scored = sum(not each.trouble for each in series)
+    whose = "" if scored < 2 else " that both have" if scored == 2 else f" that all {scored} have"
+    return f"Means over the {count(num)} frames{whose}"
+
+
+def means_html(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
+    """One row a run: means over the frames that all have, grey until nothing more comes, and its worst frames."""
+    keys = common_keys(series)
+    measured: list[Measure] = [name for name in MEANT if any(np.isfinite(each.column(name)).any() for each in series)]
+    names: list[Measure] = [name for name in measured if name in ARROWS] or measured
     if not names:
-        return ""
-    head = "".join(f"<th>{TITLES[name].replace('temporal consistency', 'TC')}</th>" for name in names)
-    rows = ""
-    for each in series:
-        cells = "".join(
-            f'<td data-testid="mean-{each.run.name}-{name}" data-value="{mean!r}">{decimals(mean)}</td>'
-            for name in names
-            for mean in [each.mean(name)]
-        )
-        rows += f'<tr><th><b class="et-tag" style="--hue:{each.run.colour}">{each.run.name}</b></th>{cells}</tr>'
-    return f'<table class="et-means"><tr><th>mean</th>{head}</tr>{rows}</table>'
+        return panel("means", _why_empty(moment, series, view.measure, view))
+    means: dict[Measure, list[float]] = {name: [mean_over(each, name, keys) for each in series] for name in names}
+    head = "".join(f"<th>{_SHORT.get(name, TITLES[name])} {ARROWS.get(name, '')}</th>" for name in names)
+    rows = "".join(_row(moment, each, place, means, view.measure) for place, each in enumerate(series))
+    waits = "" if all(each.is_whole for each in series) else " et-unfinished"
+    table = f"<tr><th>run</th>{head}<th>worst frames</th></tr>{rows}"
+    return panel(
+        "means",
+        f'<table class="et-means{waits}" data-testid="means-table">{table}</table>',
+        _words(moment, series, view),
+    )
 
 
-def _worst(moment: Moment, each: Series, measure: str) -> str:
-    column = each.values.get(measure, np.empty(0))
-    if measure in ("rate", "density") or not np.isfinite(column).any():
-        return ""
-    badness = np.where(np.isfinite(column), -column if measure in BETTER_HIGH else column, -np.inf)
-    chosen = [i for i in np.argsort(-badness, kind="stable")[:NUM_WORST].tolist() if np.isfinite(badness[i])]
+def _row(moment: Moment, each: Series, place: int, means: dict[Measure, list[float]], measure: Measure) -> str:
+    cells = "".join(
+        f'<td data-testid="mean-{each.run.name}-{name}" data-value="{values[place]!r}"'
+        f"{' class=et-best' if _is_best(name, values, place) else ''}>{decimals(values[place])}</td>"
+        for name, values in means.items()
+    )
+    said = f'<span class="et-warning">{escape(each.trouble)}</span>' if each.trouble else _worst(moment, each, measure)
+    tag = f'<b class="et-tag" style="--hue:{each.run.colour}">{each.run.name}</b>'
+    return (
+        f'<tr><th title="{escape(each.run.words)}">{tag}{escape(each.run.model_title)}</th>{cells}<td>{said}</td></tr>'
+    )
+
+
+def _is_best(measure: Measure, values: Sequence[float], place: int) -> bool:
+    finite = [value for value in values if np.isfinite(value)]
+    if measure not in ARROWS or len(finite) < 2 or len(set(finite)) == 1:
+        return False
+    return values[place] == (max(finite) if measure in BETTER_HIGH else min(finite))
+
+
+def _worst(moment: Moment, each: Series, measure: Measure) -> str:
+    by: Measure = "lpips" if measure in ("rate", "density") else measure
+    if not np.isfinite(each.column(by)).any():
+        by = "sharpness"
     start = moment.recording.span.start
     buttons = "".join(
-        f'<button class="et-back" data-k="goto:{(int(each.stamps[i]) - start) / 1e6:.6f}" {ON_PICK}>'
-        f"{seconds((int(each.stamps[i]) - start) / 1e6)} · {_value(measure, float(column[i]))}</button>"
-        for i in chosen
+        f'<button class="et-button et-quiet" data-k="goto:{(int(each.stamps[i]) - start) / 1e6:.6f}" {ON_PICK}'
+        f' title="{_value(by, float(each.column(by)[i]))} {TITLES[by]}">'
+        f"{seconds((int(each.stamps[i]) - start) / 1e6)}</button>"
+        for i in worst_of(each, by, NUM_WORST)
     )
-    words = "lowest" if measure in ("sharpness", "contrast") else "worst"
-    return (
-        f'<div class="et-note">{words} frames of run {each.run.name}, {TITLES[measure].rstrip(" ↓↑")}</div>'
-        f'<div class="et-chips" data-testid="worst">{buttons}</div>'
-    )
+    return f'<span class="et-worst" data-testid="worst-{each.run.name}">{buttons}</span>'
 
 
-def _words(series: Sequence[Series], view: CompareState) -> str:
-    said = [f"{RULES[view.rule]}."]
+def _words(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
+    said = [_no_camera(moment)] if not moment.recording.ground_truth else []
+    if not len(common_keys(series)) and sum(len(each.stamps) > 0 for each in series) > 1:
+        said.append("The runs have no frame in common, so there is nothing to average over.")
     if view.replays:
-        said.append("What <code>etnet evaluate</code> prints for these weights in fp32, to the last digit.")
+        said.append("As <code>etnet evaluate</code> prints it for these weights, to the last digit.")
         said += [escape(f"{remark}.") for remark in dict.fromkeys(text for each in series for text in each.remarks)]
     late = sum(int((np.abs(each.lags) > SAME_TIME).sum()) for each in series)
     if late:
@@ -221,9 +202,9 @@ def _words(series: Sequence[Series], view: CompareState) -> str:
             "motion between counts as error there."
         )
     if any(each.is_sparse for each in series):
-        said.append("A long recording: only windows whose images exist are scored; play it to score more.")
-    return f'<div class="et-note">{" ".join(said)}</div>'
+        said.append("A long recording: only windows whose frames exist are scored; play it to score more.")
+    return f'<div class="et-note">{" ".join(said)}</div>' if said else ""
 
 
-def _value(measure: str, value: float) -> str:
+def _value(measure: Measure, value: float) -> str:
     return rate(value) if measure == "rate" else decimals(value)

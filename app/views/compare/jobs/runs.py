@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from app.engine.jobs import Job, JobResult
@@ -18,34 +18,39 @@ from app.views.page import RunFrame
 def run_jobs(
     state: ViewState, moment: Moment, runs: Sequence[RunFrame], num_seen: Callable[[FrameRequest], int]
 ) -> dict[str, Job]:
-    """The jobs of all runs, by slot. `num_seen`: how many frames of a request's playback exist."""
+    """The jobs of all runs, by slot: the current frame's values first, then those over time.
+
+    `num_seen`: how many frames of a request's playback exist.
+    """
     compare = state.of(CompareState)
-    asked = [(run, run.request) for run in runs if run.request is not None]
-    match compare.inspector, compare.replays:
-        case "runs", _:
-            truths = [truth_of(moment, run.window, compare.offset) for run, _ in asked]
-            return {
-                slot_of("moment", run): MomentScore(request, compare.rule, truth.index if truth else None)
-                for (run, request), truth in zip(asked, truths, strict=True)
-            }
-        case "scores", False:
-            return {
-                slot_of("strip", run): Strip(
-                    replace(request.plain, index=0),
-                    compare.rule,
-                    compare.offset,
-                    num_seen(request) if run.num_windows > MOST_WINDOWS else -1,
-                )
-                for run, request in asked
-            }
-        case "scores", True:
-            return {
-                slot_of("protocol", run): ProtocolRun(
-                    replace(request.plain, index=0, cold_at=0, precision="fp32"), compare.rule
-                )
-                for run, request in asked
-            }
-    return {}
+    jobs: dict[str, Job] = {}
+    over_time: dict[str, Job] = {}
+    for run in runs:
+        if run.request is None:
+            continue
+        truth = truth_of(moment, run.window, compare.offset)
+        jobs[slot_of("moment", run)] = MomentScore(run.request, compare.rule, truth.index if truth else None)
+        plain = replace(run.request.plain, index=0)
+        if run.run.replays:
+            over_time[slot_of("time", run)] = ProtocolRun(plain, run.run.replays)
+        else:
+            seen = num_seen(run.request) if run.num_windows > MOST_WINDOWS else -1
+            over_time[slot_of("time", run)] = Strip(plain, compare.rule, compare.offset, seen)
+    return jobs | over_time
+
+
+def result_over_time(run: RunShown, compare: CompareState, results: Mapping[str, JobResult]) -> JobResult | None:
+    """What is known of a run over time; nothing of what another network, rule or plan of windows gave."""
+    result = results.get(slot_of("time", run))
+    if result is None or run.request is None:
+        return None
+    plain = replace(run.request.plain, index=0)
+    match result.job:
+        case ProtocolRun(request, rule) if run.run.replays == rule and request == plain:
+            return result
+        case Strip(request, rule, offset) if not run.run.replays:
+            return result if (request, rule, offset) == (plain, compare.rule, compare.offset) else None
+    return None
 
 
 def slot_of(subject: str, run: RunShown | RunFrame) -> str:

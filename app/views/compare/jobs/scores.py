@@ -13,7 +13,7 @@ from jaxtyping import Float64, Int64
 from app.engine.byte_cache import ByteCache
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
-from app.views.compare.state import Rule
+from app.state.run import Rule
 from etnet.windows import Window
 
 if TYPE_CHECKING:
@@ -49,12 +49,13 @@ class MomentScore:
 class StripScores:
     """A run's values over time, as far as they are known, in the order of time.
 
-    `lags`: µs by which the camera frame is later than the window's end (0 without camera). `num_wanted`: how many
-    there will be. `is_sparse`: the plan is too long to be scored whole.
+    `frames`: the camera frames that they are held against (−1 without camera); `lags`: µs by which those are later
+    than the window's end. `num_wanted`: how many there will be. `is_sparse`: the plan is too long to be scored whole.
     """
 
     indices: Int64[np.ndarray, " n"]
     stamps: Int64[np.ndarray, " n"]
+    frames: Int64[np.ndarray, " n"]
     lags: Int64[np.ndarray, " n"]
     values: Mapping[str, Float64[np.ndarray, " n"]]
     num_wanted: int
@@ -87,7 +88,7 @@ class Strip:
             frame = pair.frame if pair.frame >= 0 else None
             window = playback.windows[pair.prediction]
             values, is_new = _values(loaded, self.request, pair.prediction, self.rule, frame, cancelled)
-            found[pair.prediction] = _Scored(window, pair.lag, values)
+            found[pair.prediction] = _Scored(window, pair.frame, pair.lag, values)
             if is_new or done == len(order):  # what was known before takes no time and is no news by itself
                 yield _strip(loaded, found, len(order), is_sparse), done / len(order)
 
@@ -97,6 +98,7 @@ class _Scored:
     """One window of a strip."""
 
     window: Window
+    frame: int
     lag: int
     values: Values
 
@@ -147,6 +149,7 @@ def _strip(loaded: LoadedPlayback, found: Mapping[int, _Scored], num_wanted: int
     return StripScores(
         np.array(sorted(found), np.int64),
         np.array([each.window.t_stop for each in ordered], np.int64),
+        np.array([each.frame for each in ordered], np.int64),
         np.array([each.lag for each in ordered], np.int64),
         columns,
         num_wanted,

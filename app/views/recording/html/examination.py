@@ -1,4 +1,4 @@
-"""The doctor's page: what the recording is, what is odd in it, its rate, its pixels and its clock."""
+"""Statistics of a recording: what it is, what is odd in it, its rate, its pixels and its clock."""
 
 from __future__ import annotations
 
@@ -17,11 +17,9 @@ if TYPE_CHECKING:
     from app.engine.jobs import JobResult
     from etnet.events.examine import Examination
 
-MOST_HOT = 12
 SIDE = 360
 """Pixels of the count image's longer side; smaller sensors are enlarged, each pixel whole."""
 _KINDS = (("repaired", "Repaired"), ("assumed", "Assumed"), ("detected", "Detected"))
-_CLOSE = f'<button class="et-button" data-k="set:recording.examines:False" {ON_PICK}>Hide</button>'
 _OPEN = f'<button class="et-button" data-k="set:recording.examines:True" {ON_PICK}>Recording statistics</button>'
 _COLUMNS, _HIGH = 400, 100
 
@@ -33,25 +31,26 @@ def closed_html() -> str:
 
 
 def doctor_html(moment: Moment, result: JobResult | None) -> str:
-    """The page, or how far it is."""
-    close = _CLOSE
+    """The statistics in parts that flow over the columns of the stage, or how far they are."""
     if result is not None and result.trouble:
-        return panel("doctor", close, empty("Cannot be examined", result.trouble))
+        return part("doctor", "Statistics", empty("Cannot be examined", result.trouble))
     if result is None or result.value is None:
         share = 0.0 if result is None else result.share
         waits = " et-bar-wait" if result is None else ""
-        bar = f'<div class="et-lag"><span>looking it through, {share:.0%}</span><div class="et-bar{waits}">'
-        return panel("doctor", close, f'{bar}<i style="width:{share:.0%}"></i></div></div>')
+        bar = f'<div class="et-lag"><span>reading the events, {share:.0%}</span><div class="et-bar{waits}">'
+        return part("doctor", "Statistics", f'{bar}<i style="width:{share:.0%}"></i></div></div>')
     found: Examination = result.value
-    return panel(
-        "doctor",
-        close,
-        "".join(f'<div class="et-warning" data-testid="advice">{escape(said)}</div>' for said in found.advice),
-        _rows(found),
-        PICTURES.text(("doctor", moment.recording_id), lambda: _pictures(found)),
-        _hot(found),
-        _told(found),
+    advice = "".join(f'<div class="et-warning" data-testid="advice">{escape(said)}</div>' for said in found.advice)
+    return (
+        part("doctor", "Statistics", advice + _rows(found))
+        + PICTURES.text(("doctor", moment.recording_id), lambda: _pictures(found))
+        + _told(found)
     )
+
+
+def part(name: str, title: str, body: str) -> str:
+    """One part of the statistics, which no column breaks."""
+    return f'<section class="et etv-part" data-testid="{name}"><h4>{escape(title)}</h4>{body}</section>'
 
 
 def _rows(found: Examination) -> str:
@@ -60,18 +59,21 @@ def _rows(found: Examination) -> str:
     rows = [
         ("Format", found.format),
         ("Sensor", f"{found.width} × {found.height} pixels"),
-        ("Span", f"{seconds(length)}, stamps {count(found.start)} … {count(found.stop)} µs"),
+        ("Duration", f"{seconds(length)}, timestamps {count(found.start)} … {count(found.stop)} µs"),
         ("Events", f"{count(found.num_events)}; {rate(found.mean_rate)} on average, {rate(found.peak_rate)} at most"),
         ("Polarity", f"{of_whole(found.num_on / looked, 1)} ON, {of_whole(1 - found.num_on / looked, 1)} OFF"),
         ("Gaps", _gaps(found)),
-        ("Equal stamps", f"{count(found.num_equal_stamps)}; at most {count(found.longest_equal_run)} events share one"),
-        ("Repeated", f"{count(found.num_repeated_events)} events with stamp, pixel and polarity of the one before"),
+        (
+            "Duplicate timestamps",
+            f"{count(found.num_equal_stamps)}; at most {count(found.longest_equal_run)} events share one",
+        ),
+        ("Repeated events", f"{count(found.num_repeated_events)} with timestamp, pixel and polarity of the one before"),
         ("Pixels", _pixels(found)),
         ("Camera frames", _frames(found)),
     ]
     if found.num_events:
         suited = f"{count(found.suggested_events)} events, or {found.suggested_duration / 1000:,.1f} ms"
-        rows.append(("Window to try", suited))
+        rows.append(("Suggested window", suited))
     if found.num_looked_at < found.num_events:
         rows.append(("Looked at", f"{count(found.num_looked_at)} events in blocks spread evenly over it"))
     told = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in rows)
@@ -80,7 +82,7 @@ def _rows(found: Examination) -> str:
 
 def _pixels(found: Examination) -> str:
     if found.num_silent_pixels is None:
-        return f"counted in cells of {found.cell} × {found.cell}, for they are too many"
+        return f"binned {found.cell}×{found.cell}, because there are too many"
     return f"{count(found.num_silent_pixels)} silent, {len(found.hot_pixels)} hot"
 
 
@@ -117,15 +119,19 @@ def _pictures(found: Examination) -> str:
         if i % 3 == 0
     )
     go = "<span>click to go there</span>"
-    return (
-        f"<h4>Rate, up to {rate(found.peak_rate)}</h4>"
+    over_time = (
         f'<div class="et-chart et-short{pickable}" data-testid="rates" {at}>{rates}</div>'
         f'<div class="et-caption et-ends"><span>0 s</span>{go}<span>{seconds(length)}</span></div>'
-        f"<h4>Events of each {'pixel' if found.cell == 1 else 'cell'}</h4>{_counts(found)}"
-        f"<h4>From one event to the next</h4>"
+    )
+    intervals = (
         f'<div class="et-chart et-short" data-testid="steps">{steps}</div>'
         f'<div class="et-caption et-steps">{ticks}</div>'
         '<div class="et-note">Heights are logarithms of counts; the last bar is everything longer.</div>'
+    )
+    return (
+        part("rate", f"Event rate, up to {rate(found.peak_rate)}", over_time)
+        + part("intervals", "Inter-event interval", intervals)
+        + part("counts", f"Events per {'pixel' if found.cell == 1 else 'cell'}", _counts(found))
     )
 
 
@@ -170,17 +176,6 @@ def _counts(found: Examination) -> str:
     )
 
 
-def _hot(found: Examination) -> str:
-    if not found.hot_pixels:
-        return ""
-    listed = "".join(
-        f'<button class="et-button" data-k="at:{pixel.x},{pixel.y}" {ON_PICK}>({pixel.x}, {pixel.y}) · '
-        f"{count(pixel.num_events)}</button>"
-        for pixel in found.hot_pixels[:MOST_HOT]
-    )
-    return f'<h4>Hot pixels, events of each</h4><div class="et-chips" data-testid="doctor-hot">{listed}</div>'
-
-
 def _told(found: Examination) -> str:
     """What the reader noticed, by what it did about it. Order and borders of the sensor are its business."""
     parts = []
@@ -192,4 +187,6 @@ def _told(found: Examination) -> str:
     note = (
         "Events out of order or beyond the sensor are never shown as they are: the file is refused, or it is told here."
     )
-    return f'<div class="etv-told">{"".join(parts)}<div class="et-note">{note}</div></div>'
+    return part(
+        "import-log", "Import log", f'<div class="etv-told">{"".join(parts)}<div class="et-note">{note}</div></div>'
+    )

@@ -11,11 +11,13 @@ from app.html.moment import ARRAYS, Moment
 from app.html.provenance import ModelFacts
 from app.html.timeline_marks import curve_of, plan_of
 from app.html.units import count, milliseconds, short
+from app.views.recording.html.examination import part
 
 if TYPE_CHECKING:
     from app.engine.jobs import JobResult
     from etnet.events.fitness import Fitness
 
+_TITLE = "Sensor statistics vs training range"
 MOST_HOT = 12
 LITTLE_GAIN = 0.05
 """A lag that raises the correlation by less is not worth a correction."""
@@ -23,20 +25,23 @@ Row = tuple[str, str, float | None, str, str]
 """What, the value in words, as a number, the card's key for its range, what it means."""
 
 
-def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts) -> str:
-    """One row a property: measured, trained range, verdict. A click on a hot pixel goes to it."""
+def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts, offset: int = 0) -> str:
+    """One row a property: measured, trained range, verdict. A click on a hot pixel goes to it.
+
+    `offset` is what comparisons add to the camera frames' stamps, µs.
+    """
     if result is None or result.value is None:
         if result is not None and result.trouble:
-            return panel("fitness", empty("Cannot be measured", result.trouble))
-        return panel("fitness", empty("Looking the recording through", "It is measured while nobody waits."))
+            return part("fitness", _TITLE, empty("Cannot be measured", result.trouble))
+        return part("fitness", _TITLE, empty("Measuring", "It is measured while nobody waits for a frame."))
     found: Fitness = result.value
-    rows = "".join(_row(row, model) for row in _rows(moment, found))
+    rows = "".join(_row(row, model) for row in _rows(moment, found)) + _lag_row(found, offset)
     busy = "" if result.is_whole else f'<div class="et-bar"><i style="width:{result.share:.0%}"></i></div>'
     head = "<tr><th>property</th><th>measured</th><th>trained on</th></tr>"
-    title = f'<div class="et-lead">Is this what “{escape(model.title)}” was trained for?</div>'
+    title = f'<div class="et-note">Is this what “{escape(model.title)}” was trained for?</div>'
     hot = _hot(found) if result.share >= 0.8 else ""
     lean = '<div class="et-note">Ranges are those on the weights’ card; where it gives none, nothing is guessed.</div>'
-    return panel("fitness", title, busy, f'<table class="et-fit">{head}{rows}</table>', lean, hot)
+    return part("fitness", _TITLE, f'{title}{busy}<table class="et-fit">{head}{rows}</table>{lean}') + hot
 
 
 def _rows(moment: Moment, found: Fitness) -> list[Row]:
@@ -50,12 +55,12 @@ def _rows(moment: Moment, found: Fitness) -> list[Row]:
         ratio = on / max(1 - on, 1e-9)
         of = f"ON to OFF, of {count(activity.num_looked_at)} events looked at"
         rows.append(("ON : OFF", f"{ratio:.2f}", ratio, "on_off_ratio", of))
-        noise = f"{short(activity.noise_rate)} /pixel/s"
+        noise = f"{short(activity.noise_rate)} Hz/px"
         meaning = "events nothing near supports within 20 ms: an upper bound"
-        rows.append(("noise", noise, activity.noise_rate, "noise_rate", meaning))
+        rows.append(("noise rate", noise, activity.noise_rate, "noise_rate", meaning))
         if activity.refractory is not None:
             wait = milliseconds(activity.refractory / 1000)
-            rows.append(("refractory time", wait, activity.refractory, "refractory_us", "1 wait in 1,000 is shorter"))
+            rows.append(("refractory period", wait, activity.refractory, "refractory_us", "1 wait in 1,000 is shorter"))
     return [*rows, *_against_frames(moment, found)]
 
 
@@ -69,13 +74,28 @@ def _against_frames(moment: Moment, found: Fitness) -> list[Row]:
         mean = (found.thresholds.on + found.thresholds.off) / 2
         why = f"ON / OFF, log brightness; explains {found.thresholds.explained:.0%} of the frames’ change"
         rows.append(("contrast threshold", both, mean, "contrast_threshold", why))
-    if found.lag is not None:
-        lag = found.lag
-        gain = lag.correlation - lag.correlation_unshifted
-        said = f"correlation {lag.correlation_unshifted:.2f} as stamped, {lag.correlation:.2f} shifted"
-        advice = "; worth setting as the camera’s clock" if gain >= LITTLE_GAIN else "; not worth a correction"
-        rows.append(("camera lags by", f"{lag.shift / 1000:+.0f} ms", None, "", f"{said}{advice}"))
     return rows
+
+
+def _lag_row(found: Fitness, offset: int) -> str:
+    """How far the frames' clock is off, with a button that corrects it in every comparison."""
+    lag = found.lag
+    if lag is None:
+        return ""
+    said = f"correlation {lag.correlation_unshifted:.2f} as stamped, {lag.correlation:.2f} shifted"
+    if lag.correlation - lag.correlation_unshifted < LITTLE_GAIN:
+        choice = "not worth a correction"
+    elif lag.shift == offset:
+        choice = '<b class="et-exact">in use</b>'
+    else:
+        choice = (
+            f'<button class="et-button et-strong" data-k="set:compare.offset:{lag.shift}" {ON_PICK}>'
+            "Use this offset</button>"
+        )
+    return (
+        f'<tr data-testid="fit-frame–event offset"><td>frame–event offset<div class="et-note">{said}</div></td>'
+        f"<td>{lag.shift / 1000:+.0f} ms</td><td>{choice}</td></tr>"
+    )
 
 
 def _row(row: Row, model: ModelFacts) -> str:
@@ -104,17 +124,18 @@ def _density(moment: Moment) -> float:
 
 
 def _hot(found: Fitness) -> str:
-    cleaned = f'<button class="et-back" data-k="compare:cleaned" {ON_PICK}>Compare with a filtered run</button>'
+    cleaned = f'<button class="et-button" data-k="compare:cleaned" {ON_PICK}>Compare with a filtered run</button>'
     if not found.hot:
-        return f'<div class="et-note">No hot pixels: none fires 10 times more than all its neighbours.</div>{cleaned}'
+        said = '<div class="et-note">None fires 10 times more than all its neighbours.</div>'
+        return part("hot", "Hot pixels", said + cleaned)
     listed = "".join(
-        f'<button class="et-back" data-k="at:{pixel.x},{pixel.y}" {ON_PICK}>({pixel.x}, {pixel.y}) · '
+        f'<button class="et-button" data-k="at:{pixel.x},{pixel.y}" {ON_PICK}>({pixel.x}, {pixel.y}) · '
         f"{count(pixel.num_events)}</button>"
         for pixel in found.hot[:MOST_HOT]
     )
     more = f", the worst {MOST_HOT} of them" if len(found.hot) > MOST_HOT else ""
-    title = f"{count(len(found.hot))} hot pixels{more} · events each · click to go there"
-    return f'<div class="et-note">{title}</div><div class="et-chips" data-testid="hot">{listed}</div>{cleaned}'
+    note = f'<div class="et-note">{count(len(found.hot))}{more}, with their events; a click goes there.</div>'
+    return part("hot", "Hot pixels", f'{note}<div class="et-chips" data-testid="hot">{listed}</div>{cleaned}')
 
 
 def fitness_button_html() -> str:
