@@ -9,7 +9,7 @@ from app.config import ViewerConfig
 from app.main import Viewer
 from app.session import demo as script
 from app.session.rehearsal import rehearse
-from tests.browser.chromium import PATIENCE
+from tests.browser.chromium import PATIENCE, box_of
 from tests.browser.conftest import ROI
 
 OURS = ".etv-demo, .etv-demo-bar, .etv-bar, .etv-card, .etv-tour, .mantine-Modal-content:has(.etv-help)"
@@ -69,7 +69,7 @@ def open_demo(browser, viewer, width=1600, height=900):
 
 def touch(page):
     """A finger on the image: its HTML is replaced with each new frame, so it is aimed at and not waited for."""
-    box = page.locator(".etv-image .etv-frame").bounding_box()
+    box = box_of(page, page.locator(".etv-image .etv-frame"))
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
 
 
