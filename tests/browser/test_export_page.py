@@ -125,6 +125,26 @@ def test_keys_step_jump_and_play(page):
     page.get_by_role("button", name="Play").wait_for()
 
 
+def test_an_address_names_the_moment_and_follows_it(page):
+    page.keyboard.press("Home")
+    shown(page, 0)
+    page.keyboard.press("Shift+ArrowRight")
+    shown(page, 10)
+    address = page.url
+    assert "#t=" in address
+    page.keyboard.press("End")
+    shown(page, 49)
+    page.goto(address)
+    shown(page, 10)
+
+
+def test_the_page_says_that_the_cross_snaps_and_rests_where_less_motion_is_wanted(page):
+    assert "snaps to the nearest of 24 places" in page.locator("#attention-note").inner_text()
+    assert page.get_by_role("button", name="Play", exact=True).is_visible()
+    for button in page.get_by_role("button").all():
+        assert button.inner_text().strip() or button.get_attribute("aria-label")
+
+
 def test_a_click_into_the_image_picks_the_nearest_query_and_its_maps(page):
     maps = page.evaluate(INK, "#maps canvas")
     box = page.locator(".lane canvas").bounding_box()
