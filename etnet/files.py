@@ -1,12 +1,20 @@
-"""What may be replaced by a file that is written, and where the cache lies."""
+"""Files that are written: whole or not at all, never over anything but a regular file; their names and sizes in words;
+and where the cache lies."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import secrets
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from etnet.errors import EtnetError
+
+UNFINISHED = "unfinished"
+"""Part of a temporary file's name: `.<target>.<process>.<random>.unfinished<suffix>`."""
 
 
 def check_target(path: Path) -> None:
@@ -15,7 +23,51 @@ def check_target(path: Path) -> None:
     A folder, a pipe or a device, and a link to one; where there is nothing, a file can be written.
     """
     if path.exists() and not path.is_file():
-        raise EtnetError(f"{path}: is there already and is no regular file; choose another name")
+        raise EtnetError(f"{printable(path)}: is there already and is no regular file; choose another name")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A path beside `path`, of the same suffix, for a file that takes its place once the block has ended well.
+
+    It is flushed to the disk first. After an error, and after a kill at the next use, nothing of it is left.
+
+    Raises:
+        EtnetError: it cannot be written, for example because the disk is full.
+    """
+    check_target(path)
+    sweep_unfinished(path)
+    beside = path.with_name(f".{path.name[:80]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{path.suffix[:20]}")
+    try:
+        yield beside
+        _flush(beside)
+        os.replace(beside, path)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a whole file or nothing (see `replacing`)."""
+    with replacing(path) as beside:
+        beside.write_bytes(content)
+
+
+def cannot_write(path: Path, error: OSError) -> EtnetError:
+    """The error of the system in one line, with what to do."""
+    why = error.strerror or str(error)
+    return EtnetError(f"{printable(path.name)}: cannot be written ({why}); make room, or choose another place")
+
+
+def sweep_unfinished(path: Path) -> None:
+    """Remove what processes that are gone have left of writing `path`."""
+    with contextlib.suppress(OSError):
+        for left in path.parent.iterdir():
+            if left.name.startswith(f".{path.name[:80]}.") and f".{UNFINISHED}" in left.name and _is_left(path, left):
+                with contextlib.suppress(OSError):
+                    left.unlink()
 
 
 def cache_folder() -> Path:
@@ -28,3 +80,50 @@ def cache_folder() -> Path:
     except RuntimeError:
         # A user without a home, as in some containers.
         return Path(tempfile.gettempdir()) / "etnet"
+
+
+def printable(name: object) -> str:
+    """A name as it can be shown and sent: bytes that are not UTF-8 are escaped, as \\xff."""
+    text = str(name)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "surrogateescape" if _is_name(text) else "backslashreplace").decode(
+            "utf-8", "backslashreplace"
+        )
+    return text
+
+
+def in_megabytes(num_bytes: int) -> str:
+    """Bytes in words: 1,234.5 MB of a million bytes, below 0.1 MB in kB. Rounded up: too large never reads as allowed."""
+    if num_bytes < 100_000:
+        return f"{-(-num_bytes // 100) / 10:,.1f}".removesuffix(".0") + " kB"
+    return f"{-(-num_bytes // 100_000) / 10:,.1f}".removesuffix(".0") + " MB"
+
+
+def _flush(path: Path) -> None:
+    """Ask the disk for what was written; a full one may say so only now."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _is_left(path: Path, left: Path) -> bool:
+    """Whether the process that a temporary file is named after has ended."""
+    owner = left.name.removeprefix(f".{path.name[:80]}.").partition(".")[0]
+    if not owner.isdigit() or int(owner) == os.getpid():
+        return False
+    try:
+        os.kill(int(owner), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return False
+
+
+def _is_name(text: str) -> bool:
+    """Whether the surrogates in a text stand for the bytes of a file's name."""
+    return all(not 0xD800 <= ord(sign) <= 0xDFFF or 0xDC80 <= ord(sign) <= 0xDCFF for sign in text)

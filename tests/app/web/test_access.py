@@ -35,7 +35,10 @@ def ask(port: int, path: str, **headers: str) -> tuple[int, dict[str, str], byte
     return found
 
 
-KNOWN = {"Cookie": "other=1; etnet_view=secret-token"}
+@pytest.fixture(scope="module")
+def known(port):
+    cookie = ask(port, "/?token=secret-token")[1]["Set-Cookie"].partition(";")[0]
+    return {"Cookie": f"other=1; {cookie}"}
 
 
 def test_without_the_token_nothing_is_served(port):
@@ -43,29 +46,30 @@ def test_without_the_token_nothing_is_served(port):
         assert ask(port, path)[0] == 401
 
 
-def test_the_token_in_the_address_becomes_a_cookie_and_leaves_the_address(port):
+def test_the_token_in_the_address_becomes_a_cookie_and_leaves_the_address(port, known):
     status, headers, _ = ask(port, "/?token=secret-token&darkMode=1")
     assert status == 302
     assert headers["Location"] == "/?darkMode=1"
     assert "HttpOnly" in headers["Set-Cookie"]
     assert "SameSite=Lax" in headers["Set-Cookie"]
-    assert ask(port, "/", **KNOWN)[0] == 200
+    assert ask(port, "/", **known)[0] == 200
 
 
 def test_the_redirect_never_leaves_this_host(port):
-    assert ask(port, "//evil.example/?token=secret-token")[1]["Location"] == "/"
-    assert ask(port, "/\\evil.example/?token=secret-token")[1]["Location"].startswith("/")
-    assert not ask(port, "/\\evil.example/?token=secret-token")[1]["Location"].startswith(("//", "/\\"))
+    for path in ("//evil.example/", "/\\evil.example/", "///evil.example"):
+        location = ask(port, f"{path}?token=secret-token")[1]["Location"]
+        assert location.startswith("/")
+        assert not location.startswith(("//", "/\\"))
 
 
-def test_a_foreign_host_name_is_refused_before_the_token_is_looked_at(port):
+def test_a_foreign_host_name_is_refused_before_the_token_is_looked_at(port, known):
     for host in ("evil.example", f"evil.example:{port}", "", "127.0.0.1.evil.example"):
-        assert ask(port, "/", Host=host, **KNOWN)[0] == 421
+        assert ask(port, "/", Host=host, **known)[0] == 421
     for host in (f"localhost:{port}", f"127.0.0.1:{port}", "[::1]", f"[::1]:{port}", "show.example"):
-        assert ask(port, "/", Host=host, **KNOWN)[0] == 200
+        assert ask(port, "/", Host=host, **known)[0] == 200
 
 
-def test_no_path_leads_out_of_the_static_folder(port):
+def test_no_path_leads_out_of_the_static_folder(port, known):
     for path in (
         "/static/../app/web/access.py",
         "/static/%2e%2e/%2e%2e/pyproject.toml",
@@ -74,15 +78,15 @@ def test_no_path_leads_out_of_the_static_folder(port):
         "/static/%00",
         "/static//etc/passwd",
     ):
-        assert ask(port, path, **KNOWN)[0] == 404
-    status, headers, body = ask(port, "/static/logo.svg", **KNOWN)
+        assert ask(port, path, **known)[0] == 404
+    status, headers, body = ask(port, "/static/logo.svg", **known)
     assert status == 200
     assert headers["Content-Type"] == "image/svg+xml"
     assert b"<svg" in body
 
 
-def test_health_needs_no_token_and_tells_the_viser_version(port):
-    assert ask(port, "/healthz")[2].decode().split()[-1] == viser.__version__
+def test_health_needs_no_token_and_names_no_version(port):
+    assert ask(port, "/healthz")[2] == b"ok\n"
 
 
 @pytest.mark.parametrize(
@@ -94,9 +98,9 @@ def test_health_needs_no_token_and_tells_the_viser_version(port):
         ("own", False, 401),
     ],
 )
-def test_a_websocket_is_refused_to_foreign_pages_and_strangers(port, origin, cookie, status):
+def test_a_websocket_is_refused_to_foreign_pages_and_strangers(port, known, origin, cookie, status):
     async def attempt() -> int:
-        headers = KNOWN if cookie else {}
+        headers = known if cookie else {}
         own = f"http://127.0.0.1:{port}" if origin == "own" else origin
         try:
             async with connect(
@@ -113,11 +117,11 @@ def test_a_websocket_is_refused_to_foreign_pages_and_strangers(port, origin, coo
 
 
 @pytest.mark.parametrize("origin", ["own", None, "https://show.example"])
-def test_its_own_page_and_a_program_with_the_token_come_in(port, origin):
+def test_its_own_page_and_a_program_with_the_token_come_in(port, known, origin):
     async def attempt() -> bool:
         own = f"http://127.0.0.1:{port}" if origin == "own" else origin
         protocol = f"viser-v{viser.__version__}"
-        async with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], origin=own, additional_headers=KNOWN):
+        async with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], origin=own, additional_headers=known):
             return True
 
     assert asyncio.run(attempt())
