@@ -5,16 +5,20 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 from etnet.errors import EtnetError
 
 UNFINISHED = "unfinished"
-"""Part of a temporary file's name: `.<target>.<process>.<random>.unfinished<suffix>`."""
+"""What a temporary file's name has: `.<target>.<process>.<random>.unfinished<suffix>`."""
+_LEFT = re.compile(rf"\..*\.([0-9]+)\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
 
 
 def check_target(path: Path) -> None:
@@ -27,20 +31,22 @@ def check_target(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A path beside `path`, of the same suffix, for a file that takes its place once the block has ended well.
+def replacing(path: Path, flushes: bool = True, suffix: str = "") -> Iterator[Path]:
+    """A path beside `path`, ending in `suffix`, for a file that takes its place once the block has ended well.
 
-    It is flushed to the disk first. After an error, and after a kill at the next use, nothing of it is left.
+    It is flushed to the disk first, unless it can be made again. After an error, and after a kill at the next use,
+    nothing of it is left.
 
     Raises:
         EtnetError: it cannot be written, for example because the disk is full.
     """
     check_target(path)
-    sweep_unfinished(path)
-    beside = path.with_name(f".{path.name[:80]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{path.suffix[:20]}")
+    _sweep_once(path.parent)
+    beside = path.with_name(f".{path.name[:60]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{suffix}")
     try:
         yield beside
-        _flush(beside)
+        if flushes:
+            _flush(beside)
         os.replace(beside, path)
     except OSError as error:
         raise cannot_write(path, error) from error
@@ -49,9 +55,9 @@ def replacing(path: Path) -> Iterator[Path]:
             beside.unlink(missing_ok=True)
 
 
-def write_atomically(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes, flushes: bool = True) -> None:
     """Write a whole file or nothing (see `replacing`)."""
-    with replacing(path) as beside:
+    with replacing(path, flushes) as beside:
         beside.write_bytes(content)
 
 
@@ -61,13 +67,14 @@ def cannot_write(path: Path, error: OSError) -> EtnetError:
     return EtnetError(f"{printable(path.name)}: cannot be written ({why}); make room, or choose another place")
 
 
-def sweep_unfinished(path: Path) -> None:
-    """Remove what processes that are gone have left of writing `path`."""
+def sweep_unfinished(folder: Path) -> None:
+    """Remove what processes that are gone were writing in a folder (see `replacing`)."""
     with contextlib.suppress(OSError):
-        for left in path.parent.iterdir():
-            if left.name.startswith(f".{path.name[:80]}.") and f".{UNFINISHED}" in left.name and _is_left(path, left):
+        for left in folder.iterdir():
+            found = _LEFT.fullmatch(left.name)
+            if found is not None and _has_ended(int(found[1])):
                 with contextlib.suppress(OSError):
-                    left.unlink()
+                    shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 def cache_folder() -> Path:
@@ -95,7 +102,10 @@ def printable(name: object) -> str:
 
 
 def in_megabytes(num_bytes: int) -> str:
-    """Bytes in words: 1,234.5 MB of a million bytes, below 0.1 MB in kB. Rounded up: too large never reads as allowed."""
+    """Bytes in words: 1,234.5 MB of a million bytes, below 0.1 MB in kB.
+
+    Rounded up, so that what is too large never reads as what is allowed.
+    """
     if num_bytes < 100_000:
         return f"{-(-num_bytes // 100) / 10:,.1f}".removesuffix(".0") + " kB"
     return f"{-(-num_bytes // 100_000) / 10:,.1f}".removesuffix(".0") + " MB"
@@ -110,17 +120,19 @@ def _flush(path: Path) -> None:
         os.close(descriptor)
 
 
-def _is_left(path: Path, left: Path) -> bool:
-    """Whether the process that a temporary file is named after has ended."""
-    owner = left.name.removeprefix(f".{path.name[:80]}.").partition(".")[0]
-    if not owner.isdigit() or int(owner) == os.getpid():
-        return False
+@lru_cache(maxsize=256)
+def _sweep_once(folder: Path) -> None:
+    """A folder of many files is looked through once a process."""
+    sweep_unfinished(folder)
+
+
+def _has_ended(process: int) -> bool:
     try:
-        os.kill(int(owner), 0)
+        os.kill(process, 0)
     except ProcessLookupError:
         return True
     except (OSError, OverflowError):
-        return False
+        return False  # another user's
     return False
 
 

@@ -72,17 +72,16 @@ def read_message(raw: object, is_first: bool) -> Message:
 def fate_of(widget: Any, value: object) -> Fate:
     """What becomes of a new value for one of viser's widgets.
 
-    A value of the wrong type comes from no page of ours. One that is out of range, or not among the options, may come
-    from one whose widget has changed since: it is left out.
+    A value of the wrong type comes from no page of ours. One that is not among the options may come from one whose
+    widget has changed since: it is left out.
     """
     held = widget.value
     props = getattr(getattr(widget, "_impl", None), "props", widget)
     if isinstance(held, bool):
         return "pass" if isinstance(value, bool) else "close"
     if isinstance(held, int | float):
-        if not _is_number(value):
-            return "close"
-        return "pass" if _is_in_range(props, value) else "drop"
+        # One out of range is brought inside by the view that it is for.
+        return "pass" if _is_number(value) else "close"
     if isinstance(held, str):
         if not isinstance(value, str):
             return "close"
@@ -100,11 +99,6 @@ def _mended(kind: str, content: dict[str, Any], raw: bytes) -> bytes:
         return raw
     sides = {name: max(int(content[name]), 1) for name in ("image_height", "image_width")}
     return msgspec.msgpack.encode({**content, **sides, "type": kind})
-
-
-def _is_in_range(props: Any, value: Any) -> bool:
-    low, high = getattr(props, "min", None), getattr(props, "max", None)
-    return (low is None or value >= low) and (high is None or value <= high)
 
 
 def _is_number(value: object) -> bool:

@@ -238,9 +238,7 @@ def _write_report(report: Report, out: Path) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    write_atomically(path, text.encode())
 
 
 def _say(text: str) -> None:

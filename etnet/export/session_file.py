@@ -22,8 +22,8 @@ from etnet.errors import EtnetError, RecordingError, WeightsError
 from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
-from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Progress, Take
+from etnet.files import write_atomically
 from etnet.nets.fingerprint import weights_sha256
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
