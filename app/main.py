@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 from weakref import WeakSet
 
 import tyro
@@ -16,7 +20,9 @@ from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
 from app.session_file import config_of, session_in, view_of
 from app.state.view_state import ViewState
+from app.web.bounded_log import bound_logs
 from etnet.errors import EtnetError
+from etnet.files import printable
 
 if TYPE_CHECKING:
     import viser
@@ -27,23 +33,24 @@ if TYPE_CHECKING:
     from etnet.export.session_file import Session as TakenSession
 
 
+ENDS_WITHIN = 4.5
+"""Seconds from the first signal to the end."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """`etnet-view`: serve until interrupted. 0 done, 1 a named failure, 2 usage."""
+    bound_logs()
     try:
         config = tyro.cli(ViewerConfig, prog="etnet-view", args=with_a_camera(arguments))
+        is_asked_to_end = _until_asked_to_end()
         viewer = Viewer(config)
     except EtnetError as error:
-        print(f"etnet-view: {error}", file=sys.stderr)
+        print(printable(f"etnet-view: {error}"), file=sys.stderr)
         return 1
-    print(viewer.where_to_look, flush=True)
-    # A polite end is an end by Ctrl+C: what visitors uploaded is taken away.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        viewer.stop()
+    print(printable(viewer.where_to_look), flush=True)
+    is_asked_to_end.wait()
+    viewer.stop()
+    _leave()
     return 0
 
 
@@ -72,11 +79,43 @@ def open_feed(config: ViewerConfig) -> LiveFeed | None:
         raise
 
 
+def _until_asked_to_end() -> threading.Event:
+    """Set by Ctrl+C, SIGTERM and SIGHUP, however often they come; the process then ends within `ENDS_WITHIN`."""
+    asked = threading.Event()
+
+    def ask(number: int, frame: object) -> None:
+        if not asked.is_set():
+            asked.set()
+            # What visitors do, and a step of the network that cannot be interrupted, hold up nothing beyond this.
+            last = threading.Timer(ENDS_WITHIN, os._exit, (0,))
+            last.daemon = True
+            last.start()
+
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), ask)
+    return asked
+
+
+def _leave() -> None:
+    """End the process without waiting for threads that compute: all that is to be tidied up is."""
+    with suppress(Exception):
+        atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(0)
+
+
 class Viewer:
     """A running viewer: server, engine and catalogue of one configuration."""
 
-    def __init__(self, config: ViewerConfig, views: Sequence[Any] = ()) -> None:
-        """`views`: more views of one's own, beside those of the configuration (see `own_views`)."""
+    def __init__(self, config: ViewerConfig, views: Sequence[Any] = (), is_embedded: bool = False) -> None:
+        """`views`: more views of one's own, beside those of the configuration (see `own_views`).
+
+        `is_embedded`: a notebook shows the page in a frame.
+        """
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app.catalogue.uploads import UploadLimits, Uploads
         from app.engine.engine import Engine
@@ -97,7 +136,7 @@ class Viewer:
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
         self.catalogue = Catalogue(config, self.live)
         self._default = default = self._first_view(config, session)
-        address = Address(config.host, config.port, config.token, config.public_url)
+        address = Address(config.host, config.port, config.token, config.public_url, is_embedded)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
         self._address = address
@@ -131,7 +170,7 @@ class Viewer:
         """What to open in a browser; with the token, where one is needed."""
         host = self._address.host if self._address.host not in ("0.0.0.0", "::") else "localhost"
         base = self._address.public_url or f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
-        return base.rstrip("/") + (f"/?token={self._address.token}" if self._address.token else "")
+        return base.rstrip("/") + (f"/?token={quote(self._address.token, safe='')}" if self._address.token else "")
 
     @property
     def where_to_look(self) -> str:
@@ -146,18 +185,19 @@ class Viewer:
         return max(drawn, key=lambda held: held[0])[1] if drawn else None
 
     def stop(self) -> None:
-        """End server and engine."""
-        self.server.stop()
-        self.engine.stop()
+        """End server and engine. Visitors' files go first, whatever else is slow to end."""
+        self.engine.stop(patience=0.0)
         if self.uploads is not None:
             self.uploads.close()
+        self.server.stop()
+        self.engine.stop()
         self.catalogue.close()
 
     def _visit(self, client: viser.ClientHandle) -> Session:
         """One visitor. Who sits at this machine may record a live source and change its settings, but not in public."""
         from app.catalogue.visitor import VisitorCatalogue
         from app.session.session import Session
-        from app.web.access import sits_here
+        from app.web.peer import sits_here
 
         desk = None if self.uploads is None else self.uploads.desk()
         try:

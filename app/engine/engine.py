@@ -123,14 +123,14 @@ class Engine:
             self._to_forget.append(recording_id)
             self._book.changed.notify_all()
 
-    def stop(self) -> None:
-        """End the thread after the step that runs, and wait for that."""
+    def stop(self, patience: float = 2.0) -> None:
+        """End the thread after the step that runs, and wait for that as long as `patience` (s)."""
         with self._book.changed:
             self._is_stopping = True
             if self._live is not None:
                 self._live.stop()
             self._book.changed.notify_all()
-        self._thread.join()
+        self._thread.join(patience)
 
     def cached(self, request: FrameRequest) -> CacheReport | None:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""

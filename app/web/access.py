@@ -13,6 +13,7 @@ import mimetypes
 import secrets
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import unquote, urlencode
 
@@ -53,6 +54,9 @@ class AccessControl:
     doors: Mapping[str, Handler] = field(default_factory=dict)
     """Websockets that are not viser's, by their path."""
     framed_by: str = "'self'"
+    takes_numbers: bool = False
+    """Whether any address in numbers may be asked for, as where it listens on all of them. A foreign page's name can be
+    pointed at this machine; a number cannot."""
     guesses: Guesses = field(default_factory=Guesses)
     _key: bytes = field(default_factory=lambda: secrets.token_bytes(32))
     """Of this process: a cookie of another one opens nothing, and cannot be computed from a guessed token."""
@@ -69,7 +73,7 @@ class AccessControl:
 
     def _answer_to(self, request: Request, port: int, address: str) -> Response | None:
         host = host_of(the_only(request.headers, "Host") or "")
-        if host is None or not (host.name in self.hosts or self._is_public(host.name, host.port)):
+        if host is None or not (host.name in self.hosts or self._is_public(*host) or self._is_number(host.name)):
             return answer(421, "this viewer does not answer to that host name")
         is_websocket = (the_only(request.headers, "Upgrade") or "").lower() == "websocket"
         reached = Origin("http", host.name, host.port or 80)
@@ -97,6 +101,15 @@ class AccessControl:
             if name in response.headers:
                 del response.headers[name]
             response.headers[name] = value
+
+    def _is_number(self, name: str) -> bool:
+        if not self.takes_numbers:
+            return False
+        try:
+            ip_address(name.strip("[]"))
+        except ValueError:
+            return False
+        return True
 
     def _is_public(self, name: str, port: int | None) -> bool:
         if self.public is None or name != self.public.name:

@@ -99,6 +99,7 @@ def start_server(
         IndexPage(address.public_url).dressed,
         doors or {},
         NOTEBOOKS if address.is_embedded else "'self'",
+        address.host in ("0.0.0.0", "::"),
     )
     share_arenas()
     escape_outgoing()

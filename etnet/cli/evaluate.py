@@ -17,6 +17,7 @@ from rich.markup import escape
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.files import write_atomically
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges

@@ -16,6 +16,7 @@ from etnet.errors import RecordingError
 from etnet.evaluation.bootstrap import Averaging, average
 from etnet.evaluation.datasets import Sequence
 from etnet.evaluation.protocol import ProtocolName
+from etnet.files import write_atomically
 
 Row = Literal["as it is", "best affine per frame", "constant grey"]
 ROWS: tuple[Row, ...] = ("as it is", "best affine per frame", "constant grey")

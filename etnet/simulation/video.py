@@ -15,7 +15,7 @@ from jaxtyping import Float32, Shaped
 
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.formats.hdf5.writing import hdf5_to_write
-from etnet.files import replacing
+from etnet.files import check_target, replacing
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Footage, Frame, Framing
 from etnet.simulation.sensor import SensorTraits

@@ -11,6 +11,7 @@ from jaxtyping import Int64, UInt16
 from etnet.events.formats.prophesee.clock import header_end
 from etnet.events.formats.prophesee.evt2_evt3 import TRIGGER, Notes, State, clock_words
 from etnet.events.triggers import Triggers
+from etnet.files import replacing
 
 _LOW, _HIGH = 0x6 << 12, 0x8 << 12
 _BLOCK = 1 << 20
