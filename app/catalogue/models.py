@@ -82,9 +82,8 @@ def _weights_in(folder: Path) -> list[Path]:
 
 
 def _own_entry(path: Path) -> ModelEntry:
-    return ModelEntry(
-        f"file-{digest(path)}", printable(path.stem), f"your own, {printable(path.name)}", False, None, None, path
-    )
+    title, name = printable(path.stem), printable(path.name)
+    return ModelEntry(f"file-{digest(path)}", title, f"your own, {name}", False, None, None, path)
 
 
 def _baseline_entry(name: str) -> ModelEntry:
@@ -117,8 +116,9 @@ def _band(said: object) -> tuple[float, float] | None:
 
 def _warm_up(said: object) -> int | None:
     """Windows until the memory is warm; `None` for what is no sensible number."""
-    is_number = isinstance(said, int | float) and not isinstance(said, bool)
-    return int(said) if is_number and 0 <= said <= LONGEST_WARM_UP else None
+    if isinstance(said, bool) or not isinstance(said, int | float):
+        return None
+    return int(said) if 0 <= said <= LONGEST_WARM_UP else None
 
 
 def _card(path: Path) -> dict[str, Any]:

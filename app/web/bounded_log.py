@@ -74,7 +74,7 @@ def one_line(record: logging.LogRecord, repeated: int = 0) -> str:
         text = str(record.msg)
     if record.exc_info and record.exc_info[1] is not None:
         error = record.exc_info[1]
-        text = f"{text}: {type(error).__name__}: {error} ({_place(record)})"
+        text = f"{text[: LONGEST // 2]} ({_place(record)}): {type(error).__name__}: {error}"
     plain = "".join(sign if sign.isprintable() else " " for sign in text)[:LONGEST]
     again = f" (and {repeated:,} more like it)" if repeated else ""
     return f"{record.name}: {plain.encode('utf-8', 'backslashreplace').decode()}{again}"

@@ -229,6 +229,11 @@ def _session_of(content: Any) -> Session:
     kind = _POLICIES.get(str(policy.pop("kind", ""))) if isinstance(policy, dict) else None
     if kind is None:
         raise PlainError("its policy is none that is known")
+    opened = content.get("opened")
+    if opened is not None and not (
+        isinstance(opened, dict) and "assumed" in opened and _says_region(opened.get("view"))
+    ):
+        raise PlainError("it does not say how its recording was opened")
     session = made_of(Session, {**content, "policy": made_of(kind, policy)})
     if not (session.frames and all(_HASH.fullmatch(each) for each in session.frames)):
         raise PlainError("its frames are no hashes")
@@ -239,6 +244,10 @@ def _session_of(content: Any) -> Session:
     if not 1 <= session.contract.threads <= MOST_THREADS:
         raise PlainError(f"its contract has {session.contract.threads} threads; wanted 1 … {MOST_THREADS}")
     return session
+
+
+def _says_region(view: object) -> bool:
+    return isinstance(view, dict) and "region" in view
 
 
 def parse_intervention(content: object) -> Intervention:
