@@ -230,9 +230,7 @@ def _session_of(content: Any) -> Session:
     if kind is None:
         raise PlainError("its policy is none that is known")
     opened = content.get("opened")
-    if opened is not None and not (
-        isinstance(opened, dict) and "assumed" in opened and _says_region(opened.get("view"))
-    ):
+    if opened is not None and not _is_opening(opened):
         raise PlainError("it does not say how its recording was opened")
     session = made_of(Session, {**content, "policy": made_of(kind, policy)})
     if not (session.frames and all(_HASH.fullmatch(each) for each in session.frames)):
@@ -246,7 +244,9 @@ def _session_of(content: Any) -> Session:
     return session
 
 
-def _says_region(view: object) -> bool:
+def _is_opening(opened: object) -> bool:
+    """Whether both are said: what was assumed, and which part was seen."""
+    view = opened.get("view") if isinstance(opened, dict) and "assumed" in opened else None
     return isinstance(view, dict) and "region" in view
 
 
