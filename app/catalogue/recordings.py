@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import sys
 import time
 import weakref
 from collections import OrderedDict
@@ -38,6 +39,8 @@ KEPT_OPEN = 6
 LOOK_EVERY = 1.0
 """Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
 _PATIENCE = 20
+_UNPACKED = 4
+"""A visitor's file may unpack to so many times what a visitor may hand over."""
 OPENS_WITHIN = 1.0
 """Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
 RUNNABLE_PIXELS = 160_000
@@ -245,14 +248,21 @@ class Catalogue:
                 path = fetch(entry.remote, progress=progress)
             if path.suffix.lower() in VIDEO_SUFFIXES:
                 path, told = self._seen(path, progress)
+            noticed: tuple[Remark, ...] | None = None
+            if self._is_strangers(entry):
+                path, noticed = self._opened_apart(entry, stated, progress)
+                stated = NOTHING_ASSUMED
             asked = self._config.downsample
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
             recording = opened(view=self._config.view(asked or 1))
+            if noticed is not None:
+                recording = replace(recording, remarks=noticed, opened_as=None)
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
                 whole = recording.sensor
                 recording.close()
                 recording = opened(view=self._config.view(factor))
+                recording = recording if noticed is None else replace(recording, remarks=noticed, opened_as=None)
                 text = f"shown at 1/{factor} of {whole} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError as error:
@@ -264,6 +274,20 @@ class Catalogue:
         recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
+
+    def _is_strangers(self, entry: Entry) -> bool:
+        """Whether a file came from somebody whom nobody here knows."""
+        return entry.kind == "upload" and self._config.is_open and sys.platform != "win32"
+
+    def _opened_apart(
+        self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None
+    ) -> tuple[Path, tuple[Remark, ...]]:
+        from app.catalogue.opening_apart import open_apart
+
+        largest = _UNPACKED * ((self._config.upload_megabytes or 1) << 20)
+        return open_apart(
+            entry.path, stated, largest, progress or (lambda share: None), lambda: entry.id in self._private
+        )
 
     def can_be_stated(self, entry: Entry) -> bool:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
