@@ -18,6 +18,7 @@ from etnet.errors import EtnetError
 
 UNFINISHED = "unfinished"
 """What a temporary file's name has: `.<target>.<process>.<random>.unfinished<suffix>`."""
+_FOLDERS = re.compile(r"(?<![\w./:])/(?:[^/\s:'\"]+/)+")
 _LEFT = re.compile(rf"\..*\.([0-9]+)\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
 
 
@@ -99,6 +100,11 @@ def printable(name: object) -> str:
             "utf-8", "backslashreplace"
         )
     return text
+
+
+def without_paths(text: str) -> str:
+    """A message in which files are named and folders are not."""
+    return _FOLDERS.sub("", text)
 
 
 def in_megabytes(num_bytes: int) -> str:

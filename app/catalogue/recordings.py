@@ -31,6 +31,7 @@ from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.opened_as import WHOLE_VIEW
 from etnet.events.recording import Recording, Remark
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
+from etnet.files import in_megabytes, printable, without_paths
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
 Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded"]
@@ -268,7 +269,7 @@ class Catalogue:
         except EtnetError as error:
             raise under_its_name(error, entry) from error
         except Exception as error:
-            raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
+            raise RecordingError(f"{entry.title}: cannot be opened ({without_paths(str(error))[:300]})") from error
         if told:  # a simulated video lies in a scratch file, which nobody opens again
             recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
         recording = called_by_its_name(recording, entry)
@@ -338,14 +339,19 @@ def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
 
 
 def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
-    """The same error; of a visitor's file, by the name they gave it: where it lies is nobody's business."""
-    return RecordingError(_named(str(error), entry)) if entry.kind == "upload" else error
+    """The same error without a folder of this machine; of a visitor's file, by the name they gave it."""
+    said = _named(str(error), entry) if entry.kind == "upload" else str(error)
+    plain = printable(without_paths(said))
+    return error if plain == str(error) else RecordingError(plain)
 
 
 def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
     """The same recording; a visitor's file has the name they gave it, in what was noticed, too."""
     if entry.kind != "upload":
-        return recording
+        name = printable(recording.name)
+        remarks = tuple(replace(remark, text=printable(remark.text)) for remark in recording.remarks)
+        is_plain = name == recording.name and remarks == recording.remarks
+        return recording if is_plain else replace(recording, name=name, remarks=remarks)
     remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
     path = entry.path.parent / entry.title  # by which a session file names it; it is open already
     return replace(recording, name=Path(entry.title).stem, remarks=remarks, path=path)
@@ -369,7 +375,7 @@ def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entr
     if config.data is not None:
         for path, turn in offered.items():
             folder = path.parent.relative_to(config.data)
-            where = "" if folder == Path() else f"{folder} · "
+            where = "" if folder == Path() else f"{printable(folder)} · "
             yield _entry(path, "data", f"{where}{size_of(path)}", turn)
     if not config.demo:
         for sample in SAMPLES.values():
@@ -377,7 +383,7 @@ def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entr
 
 
 def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
-    name = path.stem if kind == "bundled" else path.name or str(path)
+    name = printable(path.stem if kind == "bundled" else path.name or str(path))
     # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
     entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{digest(path)}"
     if turn:
@@ -387,6 +393,6 @@ def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
 
 def _on_demand(sample: RemoteSample) -> Entry:
     is_here = cached(sample) is not None
-    subtitle = "real, fetched before" if is_here else f"real, fetched once: {sample.num_bytes / 1e6:.0f} MB"
+    subtitle = "real, fetched before" if is_here else f"real, fetched once: {in_megabytes(sample.num_bytes)}"
     path = cache_folder() / sample.name
     return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)

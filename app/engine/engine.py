@@ -12,6 +12,7 @@ import numpy as np
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.live import LiveFeed
+from app.engine.failures import in_words
 from app.engine.jobs import Job, JobQueue, Tell
 from app.engine.live import LiveSteps
 from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache
@@ -20,7 +21,7 @@ from app.engine.queue import Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
 from app.engine.replies import hand_over, ready_of
 from app.engine.requests import Failed, FrameRequest, Precision, Ready, Reply, Working
-from etnet.errors import Cancelled, EtnetError, WindowError
+from etnet.errors import Cancelled, WindowError
 
 if TYPE_CHECKING:
     from etnet.playback.playback import CacheReport, Step
@@ -194,13 +195,8 @@ class Engine:
             self._grant(turn)
         except Cancelled:
             return  # replaced by a newer request, dropped, or another visitor's turn: it stays in the book if wanted
-        except EtnetError as error:
-            self._fail(turn, str(error))
-        except MemoryError:
-            self._fail(turn, "out of memory; start the viewer with a smaller --budget or with --downsample 2")
         except Exception as error:
-            _log.exception("a request failed: %s", turn.request)
-            self._fail(turn, f"something unexpected went wrong ({type(error).__name__}: {error})")
+            self._fail(turn, in_words(error, turn.request))
 
     def _grant(self, turn: PendingRequest) -> None:
         request, began = turn.request, time.perf_counter()

@@ -26,6 +26,7 @@ from app.engine.requests import FrameRequest, Ready
 from app.state.view_state import ViewState
 from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order, arrays_of
 from etnet.errors import Cancelled, EtnetError
+from etnet.files import in_megabytes
 from etnet.nets.intervention import Intervention
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class ExportJob:
             size = path.stat().st_size
             if size > LARGEST:
                 raise EtnetError(
-                    f"{name} comes to {size / 1e6:.0f} MB; a page hands out at most {LARGEST / 1e6:.0f}: "
+                    f"{name} comes to {in_megabytes(size)}; a page hands out at most {in_megabytes(LARGEST)}: "
                     "take fewer windows, or use `etnet export`"
                 )
             made = Download(name, path.read_bytes())

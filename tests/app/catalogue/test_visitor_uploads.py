@@ -159,7 +159,7 @@ def test_a_name_is_shown_as_one_plain_line(name, title):
 def test_what_is_too_large_never_reads_as_what_is_allowed():
     assert in_megabytes(256 * MEGABYTE) == "256 MB"
     assert in_megabytes(256 * MEGABYTE + 1) == "256.1 MB"
-    assert in_megabytes(10) == "1 kB"
+    assert in_megabytes(10) == "0.1 kB"
 
 
 def test_nothing_of_a_name_becomes_markup(uploads):

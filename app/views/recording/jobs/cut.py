@@ -17,6 +17,7 @@ from app.state.view_state import ViewState
 from app.views.recording.state import TRIM_SLOT, RecordingState, TrimOrder
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
+from etnet.files import in_megabytes
 
 _ADVICE = "mark a shorter stretch, or use `etnet cut`"
 
@@ -74,6 +75,6 @@ def _write(order: TrimOrder, recording: Recording, path: Path, writer: Writer) -
         writer.note(share)
         size = sum(part.stat().st_size for part in path.parent.iterdir())
         if size > LARGEST:
-            raise EtnetError(f"this stretch comes to more than the {LARGEST / 1e6:.0f} MB of a page; {_ADVICE}")
+            raise EtnetError(f"this stretch comes to more than the {in_megabytes(LARGEST)} of a page; {_ADVICE}")
 
     write_recording(recording, path, "event_utils", start=start, stop=stop, span=span, progress=progress)
