@@ -23,6 +23,7 @@ from app.state.view_state import ViewState
 from app.web.bounded_log import bound_logs
 from etnet.errors import EtnetError
 from etnet.files import printable
+from etnet.private_folder import sweep
 
 if TYPE_CHECKING:
     import viser
@@ -126,6 +127,7 @@ class Viewer:
         from app.web import upload_endpoint
         from app.web.server import Address, free_port, start_server
 
+        sweep("etnet-")  # what a viewer that was killed has left: visitors' files, and scratch
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
         session = session_in(config)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Literal
 
@@ -32,6 +31,7 @@ from etnet.events.opened_as import WHOLE_VIEW
 from etnet.events.recording import Recording, Remark
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
 from etnet.files import in_megabytes, printable, without_paths
+from etnet.private_folder import PrivateFolder
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
 Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded"]
@@ -83,7 +83,7 @@ class Catalogue:
         self._lock = Lock()
         self._private: dict[str, Entry] = {}
         self.films = Videos()
-        self._scratch: TemporaryDirectory[str] | None = None
+        self._scratch: PrivateFolder | None = None
         self._models = tuple(offered_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
         self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
@@ -234,7 +234,7 @@ class Catalogue:
         for recording in kept:
             recording.close()
         if scratch is not None:
-            scratch.cleanup()
+            scratch.close()
 
     def _read(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> Recording:
         from etnet.events.open import open_recording
@@ -309,8 +309,8 @@ class Catalogue:
         config = VideoConfig()
         with self._lock:
             if self._scratch is None:
-                self._scratch = TemporaryDirectory(prefix="etnet-video-")
-        made = Path(self._scratch.name) / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
+                self._scratch = PrivateFolder("etnet-video-")
+        made = self._scratch.path / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
         if not made.exists():
             simulate_video(video, made, config, progress)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
