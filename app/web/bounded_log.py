@@ -37,7 +37,7 @@ class BoundedHandler(logging.Handler):
         """Write a line, unless one of its kind, or enough of others, came within the minute."""
         if str(record.msg).startswith(QUIET_KINDS):
             return
-        repeated = self._admit((record.name, str(record.msg)[:200], _place(record)))
+        repeated = self._admit((record.name, _kind_of(record), _place(record)))
         if repeated is None:
             return
         try:
@@ -66,12 +66,21 @@ class BoundedHandler(logging.Handler):
             return left_out
 
 
+def _kind_of(record: logging.LogRecord) -> str:
+    """What two records share that are of one kind: their template where they tell of an exception, else their words."""
+    return str(record.msg)[:200] if record.exc_info else _text(record)[:120]
+
+
+def _text(record: logging.LogRecord) -> str:
+    try:
+        return record.getMessage()
+    except Exception:  # a message whose arguments do not fit is still worth its template
+        return str(record.msg)
+
+
 def one_line(record: logging.LogRecord, repeated: int = 0) -> str:
     """A record as one line of bounded length, whatever it carries."""
-    try:
-        text = record.getMessage()
-    except Exception:  # a message whose arguments do not fit is still worth its template
-        text = str(record.msg)
+    text = _text(record)
     if record.exc_info and record.exc_info[1] is not None:
         error = record.exc_info[1]
         text = f"{text[: LONGEST // 2]} ({_place(record)}): {type(error).__name__}: {error}"

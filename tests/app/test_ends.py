@@ -113,8 +113,8 @@ def test_a_folder_of_odd_names_and_damaged_weights_opens_and_says_what_is_left_o
     from tests.app.stand_ins import recording
 
     write_recording(recording(), folder / "plain.csv")
-    odd = os.fsencode(folder) + b"/caf\xe9.csv"
-    os.rename(folder / "plain.csv", odd)
+    name = "caf\\xe9.csv"
+    os.rename(folder / "plain.csv", os.fsencode(folder) + b"/caf\xe9.csv")
     (folder / "null.safetensors").write_bytes(b"\x08" + bytes(7) + b"null    ")
     (folder / "deep.safetensors").write_bytes((5000).to_bytes(8, "little") + b"[" * 5000)
     os.mkfifo(folder / "pipe.safetensors")
@@ -122,13 +122,13 @@ def test_a_folder_of_odd_names_and_damaged_weights_opens_and_says_what_is_left_o
 
     async def story():
         async with Browser.open(port, tab=5) as browser:
-            await browser.until(
-                lambda: any("caf\\xe9.csv" in (w.get("options") or ()) for w in browser.widgets.values()), 30
-            )
-            await browser.until(lambda: any(w.get("label") == "Recording" for w in browser.widgets.values()), 30)
-            await browser.use(browser.widget("Recording"), "caf\\xe9.csv")
-            await browser.until(lambda: browser.widgets[browser.widget("Recording")]["value"] == "caf\\xe9.csv", 30)
-            await browser.until_shown("6,000", 30)
+            await browser.until_shown("15,838 events", 30)
+            await browser.use(browser.widget("channel"), "pick|workspace:recording|0|0|1")
+            held = browser.widgets[browser.widget("Recording")]
+            await browser.until(lambda: name in held["options"], 30)
+            await browser.use(browser.widget("Recording"), name)
+            await browser.until(lambda: "15,838 events" not in browser.html(), 30)
+            await browser.until_shown("Reconstruction", 30)
 
     asyncio.run(story())
     viewer.send_signal(signal.SIGTERM)
