@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from etnet.export.session_file import Session as TakenSession
 
 
+LONGEST_STEP = 30_000.0
+"""Of the network (ms), where others come in: everybody waits for it."""
 ENDS_WITHIN = 4.5
 """Seconds from the first signal to the end."""
 
@@ -148,6 +150,7 @@ class Viewer:
             threads=config.threads,
             device=config.device,
             live=None if self.live is None else (self.live, default.model_id, default.precision),
+            longest_step=LONGEST_STEP if config.is_open else None,
         )
         self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()

@@ -63,9 +63,14 @@ class Engine:
         load: Loader | None = None,
         prefetches: bool = True,
         live: tuple[LiveFeed, str, Precision] | None = None,
+        longest_step: float | None = None,
     ) -> None:
-        """`live`: a source with the network that follows it, whether anybody looks or not."""
+        """`live`: a source with the network that follows it, whether anybody looks or not.
+
+        `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
+        """
         self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load)
+        self._longest_step = longest_step
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
         self._prefetcher = Prefetcher(self._playbacks, self._book) if prefetches else None
@@ -243,7 +248,16 @@ class Engine:
                 seconds = loaded.expected_step / 1000
                 size = loaded.playback.recording.sensor
                 self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
+        self._check_step(loaded)
         return self._playbacks.reaching(request)
+
+    def _check_step(self, loaded: LoadedPlayback) -> None:
+        if self._longest_step is not None and loaded.expected_step > self._longest_step:
+            sensor = loaded.playback.recording.sensor
+            raise WindowError(
+                f"an image of {sensor} would take about {loaded.expected_step / 1000:.0f} s here, at most "
+                f"{self._longest_step / 1000:.0f} s are given to one; start the viewer with --downsample 4 or --roi"
+            )
 
     def _forget_reports(self) -> None:
         held = self._playbacks.held_keys()
