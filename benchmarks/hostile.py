@@ -2,8 +2,8 @@
 
     python benchmarks/hostile.py [--seconds 60] [--visitors 6]
 
-The viewer runs in this process, so that its frames can be compared with the sequential run, bit for bit; visitors run in
-processes of their own, over loopback. Seconds depend on the machine; the drags without the hostile ones, in the same
+The viewer runs in this process, so that its frames can be compared with the sequential run, bit for bit; visitors run
+in processes of their own, over loopback. Seconds depend on the machine; the drags without the hostile ones, in the same
 run, are the floor.
 """
 
@@ -175,8 +175,10 @@ def main() -> None:
     figures = {
         "visitors": told.visitors, "seconds": told.seconds,
         "drags alone": len(alone), "p90 alone, ms": p90(alone),
-        "drags beside three hostile": len(beside), "p90 beside, ms": p90(beside), "slowest, ms": round(1e3 * max(beside)),
-        "MB before": round(before[0]), "MB after": round(after[0]), "threads before": before[1], "threads after": after[1],
+        "drags beside three hostile": len(beside), "p90 beside, ms": p90(beside),
+        "slowest, ms": round(1e3 * max(beside)),
+        "MB before": round(before[0]), "MB after": round(after[0]),
+        "threads before": before[1], "threads after": after[1],
         "exact frames compared": len(frames), "different": different,
     }  # fmt: skip
     RESULTS.parent.mkdir(exist_ok=True)

@@ -76,7 +76,8 @@ class AccessControl:
         if host is None or not (host.name in self.hosts or self._is_public(*host) or self._is_number(host.name)):
             return answer(421, "this viewer does not answer to that host name")
         is_websocket = (the_only(request.headers, "Upgrade") or "").lower() == "websocket"
-        reached = Origin("http", host.name, host.port or 80)
+        # What is reached by its public name has the public scheme, whatever the proxy speaks with this machine.
+        reached = self.public if self._is_public(*host) else Origin("http", host.name, host.port or 80)
         if is_websocket and not self._is_own_page(the_only(request.headers, "Origin"), reached):
             return answer(403, "another page may not use this viewer")
 
@@ -116,7 +117,7 @@ class AccessControl:
             return False
         return port == self.public.port or (port is None and self.public.port in (80, 443))
 
-    def _is_own_page(self, origin: str | None, reached: Origin) -> bool:
+    def _is_own_page(self, origin: str | None, reached: Origin | None) -> bool:
         # Browsers always send an Origin with a websocket; a program that sends none is no page.
         if origin is None:
             return True

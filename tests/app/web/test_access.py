@@ -7,8 +7,14 @@ import socket
 import pytest
 import viser
 from websockets.asyncio.client import connect
+from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
+from websockets.http11 import Request
 
+from app.html.assets import page_folder
+from app.web.access import AccessControl
+from app.web.guesses import MOST_WRONG, Guesses
+from app.web.requests import public_origin
 from app.web.server import Address, AddressError, free_port, start_server
 
 
@@ -146,3 +152,72 @@ def test_the_share_tunnel_stays_shut(port):
         assert server.request_share_url() is None
     finally:
         server.stop()
+
+
+def guarded(**more):
+    return AccessControl(page_folder(), **more)
+
+
+def request(path="/", **headers):
+    found = Headers()
+    for name, value in {"Host": "localhost:8080", **headers}.items():
+        found[name] = value
+    return Request(path, found)
+
+
+def test_two_viewers_on_one_host_have_cookies_of_their_own(port):
+    cookie = ask(port, "/?token=secret-token")[1]["Set-Cookie"]
+    assert cookie.startswith(f"etnet_view_{port}=")
+    assert "secret-token" not in cookie
+
+
+def test_a_cookie_of_another_start_opens_nothing():
+    first, second = guarded(token="t"), guarded(token="t")
+    cookie = first.refuse_or_answer(request("/?token=t"), 8080).headers["Set-Cookie"].partition(";")[0]
+    assert first.refuse_or_answer(request(Cookie=cookie), 8080) is None
+    assert second.refuse_or_answer(request(Cookie=cookie), 8080).status_code == 401
+
+
+def test_behind_https_the_cookie_is_secure_and_a_page_of_another_scheme_is_foreign():
+    guard = guarded(token="t", public=public_origin("https://show.example/viewer"))
+    answer = guard.refuse_or_answer(request("/?token=t", Host="show.example"), 8080)
+    assert "Secure" in answer.headers["Set-Cookie"]
+    assert "Secure" not in guard.refuse_or_answer(request("/?token=t"), 8080).headers["Set-Cookie"]
+    socket_ = {"Upgrade": "websocket", "Host": "show.example"}
+    assert guard.refuse_or_answer(request(**socket_, Origin="https://show.example"), 8080).status_code == 401
+    for origin in ("http://show.example", "https://show.example:444", "https://show.example.evil", "https://"):
+        assert guard.refuse_or_answer(request(**socket_, Origin=origin), 8080).status_code == 403
+    assert (
+        guard.refuse_or_answer(request(Upgrade="websocket", Origin="https://localhost:8080"), 8080).status_code == 403
+    )
+
+
+def test_wrong_tokens_are_slowed_and_hold_up_nobody_else():
+    now = [0.0]
+    guard = guarded(token="right", guesses=Guesses(lambda: now[0]))
+    cookie = guard.refuse_or_answer(request("/?token=right"), 8080, "a").headers["Set-Cookie"].partition(";")[0]
+    codes = [guard.refuse_or_answer(request(f"/?token={i}"), 8080, "a").status_code for i in range(30)]
+    assert codes == [401] * MOST_WRONG + [429] * (30 - MOST_WRONG)
+    assert guard.refuse_or_answer(request("/?token=right"), 8080, "a").status_code == 429
+    assert guard.refuse_or_answer(request("/?token=right"), 8080, "b").status_code == 302
+    assert guard.refuse_or_answer(request(Cookie=cookie), 8080, "a") is None
+    now[0] = 61.0
+    assert guard.refuse_or_answer(request("/?token=right"), 8080, "a").status_code == 302
+
+
+def test_where_it_listens_on_all_addresses_a_number_is_taken_and_a_name_is_not():
+    guard = guarded(takes_numbers=True)
+    assert guard.refuse_or_answer(request(Host="192.0.2.7:8080"), 8080) is None
+    assert guard.refuse_or_answer(request(Host="[2001:db8::1]:8080"), 8080) is None
+    assert guard.refuse_or_answer(request(Host="evil.example:8080"), 8080).status_code == 421
+    assert guarded().refuse_or_answer(request(Host="192.0.2.7:8080"), 8080).status_code == 421
+
+
+@pytest.mark.parametrize("address", ["show.example", "ftp://show.example", "http://[", "https://a b", ""])
+def test_a_public_url_that_is_none_is_refused(address):
+    assert public_origin(address) is None
+
+
+def test_an_empty_token_lets_nobody_in():
+    with pytest.raises(AddressError, match="empty token"):
+        start_server(Address(token=""), 0, lambda c: None)
