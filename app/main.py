@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import viser
 
     from app.catalogue.live import LiveFeed
+    from app.engine.engine import Engine
     from app.session.session import Session
     from app.views.page import Page
     from etnet.export.session_file import Session as TakenSession
@@ -121,7 +122,6 @@ class Viewer:
         """
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app.catalogue.uploads import UploadLimits, Uploads
-        from app.engine.engine import Engine
         from app.session.demo import MOST_VISITORS
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
@@ -144,14 +144,7 @@ class Viewer:
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
         self._address = address
-        self.engine = Engine(
-            self.catalogue,
-            budget_bytes=config.budget_bytes,
-            threads=config.threads,
-            device=config.device,
-            live=None if self.live is None else (self.live, default.model_id, default.precision),
-            longest_step=LONGEST_STEP if config.is_open else None,
-        )
+        self.engine = self._engine(config)
         self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
         megabytes = config.upload_megabytes
@@ -215,6 +208,20 @@ class Viewer:
             raise
         self._visits.add(session)
         return session
+
+    def _engine(self, config: ViewerConfig) -> Engine:
+        from app.engine.engine import Engine
+
+        followed = None if self.live is None else (self.live, self._default.model_id, self._default.precision)
+        longest = LONGEST_STEP if config.is_open else None
+        return Engine(
+            self.catalogue,
+            config.budget_bytes,
+            config.threads,
+            config.device,
+            live=followed,
+            longest_step=longest,
+        )
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""

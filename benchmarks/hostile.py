@@ -163,13 +163,17 @@ def main() -> None:
         ask(visitor, wanted, heard)
 
     viewer.engine.request = request  # pyright: ignore[reportAttributeAccessIssue]
+    told_of("warming up")
     drags(viewer.port, 1, 5, (), 1)
+    told_of("drags without hostile visitors")
     alone = drags(viewer.port, told.visitors, told.seconds / 2, (), 10)
     rest()
     before = resident(), threading.active_count()
+    told_of("drags beside hostile visitors")
     beside = drags(viewer.port, told.visitors, told.seconds, ("flooding", "babbling", "silent"), 50)
     rest()
     after = resident(), threading.active_count()
+    told_of("the sequential run")
     different = compared(viewer, frames)
     viewer.stop()
     figures = {
@@ -184,6 +188,11 @@ def main() -> None:
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(figures, indent=1) + "\n")
     print(json.dumps(figures, indent=1))
+
+
+def told_of(what: str) -> None:
+    """Where it is."""
+    print(f"{time.strftime('%H:%M:%S')} {what}", file=sys.stderr, flush=True)
 
 
 def p90(took: list[float]) -> int:

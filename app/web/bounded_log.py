@@ -67,8 +67,10 @@ class BoundedHandler(logging.Handler):
 
 
 def _kind_of(record: logging.LogRecord) -> str:
-    """What two records share that are of one kind: their template where they tell of an exception, else their words."""
-    return str(record.msg)[:200] if record.exc_info else _text(record)[:120]
+    """What two records of one kind share: what `extra` says, their template where they tell of an exception, or their
+    words."""
+    said = getattr(record, "kind", "")
+    return said or (str(record.msg)[:200] if record.exc_info else _text(record)[:120])
 
 
 def _text(record: logging.LogRecord) -> str:

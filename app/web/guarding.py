@@ -209,7 +209,7 @@ class Checked:
 
     async def _close(self, why: str) -> None:
         """End the connection with a code; the next `recv` raises ConnectionClosed."""
-        _log.warning("a page was cut off: it sent %s", why)
+        _log.warning("a page was cut off: it sent %s", why, extra={"kind": "cut off"})
         with suppress(ConnectionClosed, TimeoutError):
             await asyncio.wait_for(self._connection.close(1008, "not what this page sends"), CLOSING)
             return
