@@ -13,11 +13,11 @@ import tyro
 from etnet.errors import EtnetError
 from etnet.events.opened_as import View
 from etnet.events.stated import Stated
+from etnet.files import printable
 from etnet.live.buffer import Keep
 from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, parsed_keep, parsed_sensor
 from etnet.live.record import check_recordable
-from etnet.files import printable
 
 LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "::1")
 MIN_BUDGET = 64

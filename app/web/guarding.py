@@ -22,8 +22,8 @@ from websockets.exceptions import ConnectionClosed, SecurityError
 from websockets.http11 import Request, Response
 
 from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
-from app.web.peer import note_peer
 from app.web.messages import FIRST, MessageError, fate_of, read_message
+from app.web.peer import note_peer
 
 LARGEST_MESSAGE = 300_000
 """Bytes of one message of a page: a little more than the largest that ours sends, a chunk of a file. A connection
