@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 import tyro
 
@@ -12,6 +14,7 @@ from etnet.errors import EtnetError
 from etnet.events.cleaning import parse_cleaning
 from etnet.events.opened_as import View
 from etnet.events.stated import Stated
+from etnet.files import printable
 from etnet.live.buffer import Keep
 from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, parsed_keep, parsed_sensor
@@ -25,10 +28,19 @@ MIN_BUDGET = 64
 UPLOADS = 256
 """MB that a visitor may hand over where nothing is said and only this machine reaches the viewer."""
 MOST_UPLOADS = 4096
+LONGEST_TOKEN = 200
 
 
 class ConfigError(EtnetError):
     """The viewer was asked for something that does not go together."""
+
+
+def _is_web_address(text: str) -> bool:
+    try:
+        parts = urlsplit(text)
+    except ValueError:
+        return False
+    return parts.scheme in ("http", "https") and bool(parts.hostname)
 
 
 def _region(text: str) -> tuple[int, int, int, int]:
@@ -81,11 +93,11 @@ class ViewerConfig:
     precision: Literal["auto", "fp32", "bf16"] = "fp32"
     """auto takes the faster of fp32 and bf16 on this machine, if both agree."""
     host: str = "127.0.0.1"
-    """Where to listen. Any host but this machine's own needs --token."""
+    """Where to listen. For any host but this machine's own a token is made up, unless --token gives one."""
     port: int = 8080
     """Where to listen; the next free port is taken if it is busy."""
     token: str | None = None
-    """What visitors must give as ?token=… in the address."""
+    """What visitors must give as ?token=… in the address; the printed address has it."""
     public_url: str | None = None
     """The address by which a proxy in front of the viewer is reached."""
     budget: Annotated[int, tyro.conf.arg(metavar="MB")] = 1024
@@ -144,8 +156,7 @@ class ViewerConfig:
             raise ConfigError(
                 f"--uploads {self.uploads}: wanted off or 1 … {MOST_UPLOADS:,} MB; larger files open from --data FOLDER"
             )
-        if self.host not in LOOPBACK_HOSTS and not self.token:
-            raise ConfigError(f"--host {self.host}: others could reach the viewer; give --token SECRET with it")
+        self._check_token()
         if self.data is not None and not self.data.is_dir():
             raise ConfigError(f"--data {self.data}: there is no such folder")
         if self.views and self.is_open:
@@ -158,6 +169,18 @@ class ViewerConfig:
             check_recordable(self.source.record, overwrite=False)
         _ = self.region, self.stated.assumptions(), self.source.buffer(), self.source.options()
         _ = parse_cleaning(self.filter)
+
+    def _check_token(self) -> None:
+        if self.token is None and self.host not in LOOPBACK_HOSTS:
+            object.__setattr__(self, "token", secrets.token_urlsafe(18))
+        if self.token is not None and not 1 <= len(self.token) <= LONGEST_TOKEN:
+            raise ConfigError(
+                f"--token: {len(self.token)} characters; wanted 1 … {LONGEST_TOKEN}, or leave it out and one is made up"
+            )
+        if self.token is not None and self.token != printable(self.token):
+            raise ConfigError("--token: holds bytes that are no UTF-8; an address cannot carry them")
+        if self.public_url is not None and not _is_web_address(self.public_url):
+            raise ConfigError(f"--public-url {self.public_url}: wanted an address such as https://show.example/viewer")
 
     @property
     def region(self) -> tuple[int, int, int, int] | None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 from weakref import WeakSet
 
 import tyro
@@ -22,45 +26,52 @@ from app.catalogue.threads import THREADS
 from app.config import ViewerConfig
 from app.session_file import SUFFIX, config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
+from app.web.bounded_log import bound_logs
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.cleaning import parse_cleaning
+from etnet.files import printable
+from etnet.private_folder import sweep
 
 if TYPE_CHECKING:
     import viser
 
     from app.catalogue.live import LiveFeed
     from app.catalogue.visitor import VisitorCatalogue
+    from app.engine.engine import Engine
     from app.session.session import Session
     from app.views.page import Page
     from app.web.access import Handler
     from etnet.export.session_file import Session as TakenSession
 
 
+LONGEST_STEP = 30_000.0
+"""Of the network (ms), where others come in: everybody waits for it."""
+ENDS_WITHIN = 4.5
+"""Seconds from the first signal to the end."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """`etnet-view`: serve until interrupted. 0 done, 1 a named failure, 2 usage."""
+    bound_logs()
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     if "--version" in arguments:
         print(f"etnet-view {version('etnet')}")
         return 0
     try:
         config = tyro.cli(ViewerConfig, prog="etnet-view", args=with_a_camera(arguments))
+        is_asked_to_end = _until_asked_to_end()
         viewer = Viewer(config)
     except EtnetError as error:
-        print(f"etnet-view: {error}", file=sys.stderr)
+        print(printable(f"etnet-view: {error}"), file=sys.stderr)
         return 1
     if config.check:
         return _check(viewer, config)
     if config.demo and not _rehearse(viewer):
         return 1
-    print(viewer.where_to_look, flush=True)
-    # A polite end is an end by Ctrl+C: what visitors uploaded is taken away.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        viewer.stop()
+    print(printable(viewer.where_to_look), flush=True)
+    is_asked_to_end.wait()
+    viewer.stop()
+    _leave()
     return 0
 
 
@@ -132,22 +143,54 @@ def _check(viewer: Viewer, config: ViewerConfig) -> int:
     return 1 if num_bad else 0
 
 
+def _until_asked_to_end() -> threading.Event:
+    """Set by Ctrl+C, SIGTERM and SIGHUP, however often they come; the process then ends within `ENDS_WITHIN`."""
+    asked = threading.Event()
+
+    def ask(number: int, frame: object) -> None:
+        if not asked.is_set():
+            asked.set()
+            # What visitors do, and a step of the network that cannot be interrupted, hold up nothing beyond this.
+            last = threading.Timer(ENDS_WITHIN, os._exit, (0,))
+            last.daemon = True
+            last.start()
+
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), ask)
+    return asked
+
+
+def _leave() -> None:
+    """End the process without waiting for threads that compute: all that is to be tidied up is."""
+    with suppress(Exception):
+        atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(0)
+
+
 class Viewer:
     """A running viewer: server, engine and catalogue of one configuration."""
 
-    def __init__(self, config: ViewerConfig, views: Sequence[Any] = ()) -> None:
-        """`views`: more views of one's own, beside those of the configuration (see `own_views`)."""
+    def __init__(self, config: ViewerConfig, views: Sequence[Any] = (), is_embedded: bool = False) -> None:
+        """`views`: more views of one's own, beside those of the configuration (see `own_views`).
+
+        `is_embedded`: a notebook shows the page in a frame.
+        """
         # Imported here so that `etnet-view --help` and a wrong argument answer at once.
         from app.catalogue.homes import Homes
         from app.catalogue.mirror import Mirrors
         from app.catalogue.uploads import UploadLimits, Uploads
-        from app.engine.engine import Engine
         from app.session.demo import MOST_VISITORS
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
         from app.web.server import Address, free_port, start_server
 
+        sweep("etnet-")  # what a viewer that was killed has left: visitors' files, and scratch
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
         _check_file(config.file)
@@ -161,17 +204,11 @@ class Viewer:
         self.catalogue = Catalogue(config, self.live)
         self.default = default = self._first_view(config, session)
         self.token = config.token
-        address = Address(config.host, config.port, config.token, config.public_url)
+        address = Address(config.host, config.port, config.token, config.public_url, is_embedded)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
         self._address = address
-        self.engine = Engine(
-            self.catalogue,
-            budget_bytes=config.budget_bytes,
-            threads=config.threads,
-            device=config.device,
-            live=None if self.live is None else (self.live, default.model_id, default.precision),
-        )
+        self.engine = self._engine(config)
         self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
         megabytes = config.upload_megabytes
@@ -200,7 +237,7 @@ class Viewer:
         """What to open in a browser; with the token, where one is needed."""
         host = self._address.host if self._address.host not in ("0.0.0.0", "::") else "localhost"
         base = self._address.public_url or f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
-        return base.rstrip("/") + (f"/?token={self._address.token}" if self._address.token else "")
+        return base.rstrip("/") + (f"/?token={quote(self._address.token, safe='')}" if self._address.token else "")
 
     @property
     def where_to_look(self) -> str:
@@ -215,13 +252,14 @@ class Viewer:
         return max(drawn, key=lambda held: held[0])[1] if drawn else None
 
     def stop(self) -> None:
-        """End server and engine."""
-        self.server.stop()
+        """End server and engine. Visitors' files go first, whatever else is slow to end."""
+        self.engine.stop(patience=0.0)
         if self.mirrors is not None:
             self.mirrors.close()
-        self.engine.stop()
         if self.uploads is not None:
             self.uploads.close()
+        self.server.stop()
+        self.engine.stop()
         self.catalogue.close()
 
     def _doors(self) -> dict[str, Handler]:
@@ -240,7 +278,7 @@ class Viewer:
         from app.catalogue.visitor import VisitorCatalogue
         from app.session.booth import Booth
         from app.session.session import Session
-        from app.web.access import sits_here
+        from app.web.peer import sits_here
 
         desk = None if self.uploads is None else self.uploads.desk()
         try:
@@ -255,6 +293,20 @@ class Viewer:
             raise
         self._visits.add(session)
         return session
+
+    def _engine(self, config: ViewerConfig) -> Engine:
+        from app.engine.engine import Engine
+
+        followed = None if self.live is None else (self.live, self.default.model_id, self.default.precision)
+        longest = LONGEST_STEP if config.is_open else None
+        return Engine(
+            self.catalogue,
+            config.budget_bytes,
+            config.threads,
+            config.device,
+            live=followed,
+            longest_step=longest,
+        )
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""

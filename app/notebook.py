@@ -100,4 +100,5 @@ def view(
     path = recording if isinstance(recording, str | Path) else recording.path
     if path is None:
         raise EtnetError("this recording was made in memory; write it with etnet.events.write and view the file")
-    return NotebookViewer(Viewer(ViewerConfig(file=Path(path), **{"port": 0, **options}), views), height)
+    config = ViewerConfig(file=Path(path), **{"port": 0, **options})
+    return NotebookViewer(Viewer(config, views, is_embedded=True), height)

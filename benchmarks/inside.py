@@ -18,11 +18,12 @@ from measure import report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from app.views.attention.html.grid import attention_html
+
 from app.config import ViewerConfig
 from app.engine.requests import FrameRequest, Ready
 from app.html.attention.maps import AttentionLook
 from app.main import Viewer
-from app.views.attention.html.grid import attention_html
 from app.views.inspect.panel import INSPECTORS
 from app.views.inspect.state import Inspector
 from etnet.events.events import Events, Sensor

@@ -1,12 +1,25 @@
-"""What may be replaced by a file that is written, and where the cache lies."""
+"""Files that are written: whole or not at all, never over anything but a regular file; their names and sizes in words;
+and where the cache lies."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
+import secrets
+import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 from etnet.errors import EtnetError
+
+UNFINISHED = "unfinished"
+"""What a temporary file's name has: `.<target>.<process>.<random>.unfinished<suffix>`."""
+_FOLDERS = re.compile(r"(?<![\w./:])/(?:[^/\s:'\"]+/)+")
+_LEFT = re.compile(rf"\..*\.([0-9]+)\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
 
 
 def check_target(path: Path) -> None:
@@ -15,7 +28,54 @@ def check_target(path: Path) -> None:
     A folder, a pipe or a device, and a link to one; where there is nothing, a file can be written.
     """
     if path.exists() and not path.is_file():
-        raise EtnetError(f"{path}: is there already and is no regular file; choose another name")
+        raise EtnetError(f"{printable(path)}: is there already and is no regular file; choose another name")
+
+
+@contextmanager
+def replacing(path: Path, flushes: bool = True, suffix: str = "") -> Iterator[Path]:
+    """A path beside `path`, ending in `suffix`, for a file that takes its place once the block has ended well.
+
+    It is flushed to the disk first, unless it can be made again. After an error, and after a kill at the next use,
+    nothing of it is left.
+
+    Raises:
+        EtnetError: it cannot be written, for example because the disk is full.
+    """
+    check_target(path)
+    _sweep_once(path.parent)
+    beside = path.with_name(f".{path.name[:60]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{suffix}")
+    try:
+        yield beside
+        if flushes:
+            _flush(beside)
+        os.replace(beside, path)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, content: bytes, flushes: bool = True) -> None:
+    """Write a whole file or nothing (see `replacing`)."""
+    with replacing(path, flushes) as beside:
+        beside.write_bytes(content)
+
+
+def cannot_write(path: Path, error: OSError) -> EtnetError:
+    """The error of the system in one line, with what to do."""
+    why = error.strerror or str(error)
+    return EtnetError(f"{printable(path.name)}: cannot be written ({why}); make room, or choose another place")
+
+
+def sweep_unfinished(folder: Path) -> None:
+    """Remove what processes that are gone were writing in a folder (see `replacing`)."""
+    with contextlib.suppress(OSError):
+        for left in folder.iterdir():
+            found = _LEFT.fullmatch(left.name)
+            if found is not None and _has_ended(int(found[1])):
+                with contextlib.suppress(OSError):
+                    shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 def cache_folder() -> Path:
@@ -28,3 +88,60 @@ def cache_folder() -> Path:
     except RuntimeError:
         # A user without a home, as in some containers.
         return Path(tempfile.gettempdir()) / "etnet"
+
+
+def printable(name: object) -> str:
+    """A name as it can be shown and sent: bytes that are not UTF-8 are escaped, as \\xff."""
+    text = str(name)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "surrogateescape" if _is_name(text) else "backslashreplace").decode(
+            "utf-8", "backslashreplace"
+        )
+    return text
+
+
+def without_paths(text: str) -> str:
+    """A message in which files are named and folders are not."""
+    return _FOLDERS.sub("", text)
+
+
+def in_megabytes(num_bytes: int) -> str:
+    """Bytes in words: 1,234.5 MB of a million bytes, below 0.1 MB in kB.
+
+    Rounded up, so that what is too large never reads as what is allowed.
+    """
+    if num_bytes < 100_000:
+        return f"{-(-num_bytes // 100) / 10:,.1f}".removesuffix(".0") + " kB"
+    return f"{-(-num_bytes // 100_000) / 10:,.1f}".removesuffix(".0") + " MB"
+
+
+def _flush(path: Path) -> None:
+    """Ask the disk for what was written; a full one may say so only now."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@lru_cache(maxsize=256)
+def _sweep_once(folder: Path) -> None:
+    """A folder of many files is looked through once a process."""
+    sweep_unfinished(folder)
+
+
+def _has_ended(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False  # another user's
+    return False
+
+
+def _is_name(text: str) -> bool:
+    """Whether the surrogates in a text stand for the bytes of a file's name."""
+    return all(not 0xD800 <= ord(sign) <= 0xDFFF or 0xDC80 <= ord(sign) <= 0xDCFF for sign in text)

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from etnet.files import in_megabytes, printable
+
 VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 """Videos are shown as an event sensor would see them."""
 MAX_ENTRIES = 500
@@ -72,7 +74,7 @@ def size_of(path: Path) -> str:
         return "cannot be read"
     if path.is_dir():
         return "folder"
-    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
+    return in_megabytes(size)
 
 
 def lies_in(root: str | Path, path: Path) -> bool:
@@ -118,7 +120,7 @@ class Watch:
             if is_same and (path in self.offered or now - seen[path].since >= RESTS):
                 offered[path] = self.offered.get(path, self._turn(path))
             else:
-                growing.append(path.name)
+                growing.append(printable(path.name))
         is_news = offered != self.offered
         for path, turn in offered.items():
             self._turns[path] = turn

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -14,7 +13,12 @@ from app.catalogue.folder import lies_in
 from app.config import ViewerConfig
 from etnet.bundled import models
 from etnet.errors import WeightsError
+from etnet.files import printable
+from etnet.plain_values import PlainError, bounded_json, fitted
 
+LONGEST_TITLE, LONGEST_WARM_UP = 120, 100_000
+LONGEST_CARD = 1 << 20
+"""Characters of what a weights file says of itself."""
 MAX_MODELS = 50
 """Weights files listed of a --data folder."""
 BASELINES = {"leaky-integrator": "leaky integrator"}
@@ -69,20 +73,24 @@ def offered_models(config: ViewerConfig) -> Iterator[ModelEntry]:
     for path in [] if config.data is None else _weights_in(config.data):
         if path.resolve() != Path(wanted).resolve():
             try:
-                yield _model_entry(f"data-{digest(path)}", path, path)
+                entry = _model_entry(f"data-{digest(path)}", path, path)
             except WeightsError as error:
                 _log.warning("left out of the list of networks: %s", error)
+            else:
+                yield entry
     yield from (_baseline_entry(name) for name in BASELINES if name != wanted)
 
 
 def _weights_in(folder: Path) -> list[Path]:
     root = folder.resolve()
     found = (path for path in folder.rglob("*.safetensors") if not path.name.startswith(".") and lies_in(root, path))
-    return sorted(found)[:MAX_MODELS]
+    # A regular file: to open a pipe waits for whoever writes into it.
+    return sorted(path for path in found if path.is_file())[:MAX_MODELS]
 
 
 def _own_entry(path: Path) -> ModelEntry:
-    return ModelEntry(f"file-{digest(path)}", path.stem, f"your own, {path.name}", False, None, None, path)
+    title, name = printable(path.stem), printable(path.name)
+    return ModelEntry(f"file-{digest(path)}", title, f"your own, {name}", False, None, None, path)
 
 
 def _baseline_entry(name: str) -> ModelEntry:
@@ -91,19 +99,35 @@ def _baseline_entry(name: str) -> ModelEntry:
 
 def _model_entry(model_id: str, path: Path, source: str | Path) -> ModelEntry:
     architecture, card = _metadata(path)
-    band = card.get("events_per_pixel")
-    warm_up = card.get("warm_up")
+    title = card.get("title")
+    name = printable(path.name)
     return ModelEntry(
         id=model_id,
-        title=str(card.get("title", path.stem)),
-        subtitle="bundled" if source == path.stem else path.name if card else f"{path.name}, untrained weights",
+        title=printable(title if isinstance(title, str) and 0 < len(title) <= LONGEST_TITLE else path.stem),
+        subtitle="bundled" if source == path.stem else name if card else f"{name}, untrained weights",
         is_linear_light=card.get("target_tone", "linear") == "linear",
-        trained_band=(float(band[0]), float(band[1])) if isinstance(band, list) and len(band) == 2 else None,
-        warm_up=int(warm_up) if isinstance(warm_up, (int, float)) else None,
+        trained_band=_band(card.get("events_per_pixel")),
+        warm_up=_warm_up(card.get("warm_up")),
         source=source,
         card=card,
         architecture=architecture,
     )
+
+
+def _band(said: object) -> tuple[float, float] | None:
+    """The trained events per pixel; `None` for what is no ascending pair of numbers."""
+    try:
+        low, high = fitted(tuple[float, float], said)
+    except PlainError:
+        return None
+    return (low, high) if 0 <= low <= high else None
+
+
+def _warm_up(said: object) -> int | None:
+    """Windows until the memory is warm; `None` for what is no sensible number."""
+    if isinstance(said, bool) or not isinstance(said, int | float):
+        return None
+    return int(said) if 0 <= said <= LONGEST_WARM_UP else None
 
 
 def _metadata(path: Path) -> tuple[str, dict[str, Any]]:
@@ -115,8 +139,8 @@ def _metadata(path: Path) -> tuple[str, dict[str, Any]]:
             metadata = file.metadata() or {}
         if metadata.get("format") != WEIGHTS_FORMAT:
             raise WeightsError(f"{path.name}: not weights of ours; make them with `etnet convert`")
-        card = json.loads(metadata.get("card", "{}"))
-    except (SafetensorError, OSError, json.JSONDecodeError) as error:
+        card = bounded_json(metadata.get("card", "{}"), LONGEST_CARD)
+    except (SafetensorError, OSError, ValueError) as error:
         raise WeightsError(
             f"{path.name}: not a weights file that can be read ({error}); make one with `etnet convert`"
         ) from None

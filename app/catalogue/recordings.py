@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import sys
 import time
 import weakref
 from collections import OrderedDict
@@ -11,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Literal
 
@@ -31,6 +31,8 @@ from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Recording, Remark
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
+from etnet.files import in_megabytes, printable, without_paths
+from etnet.private_folder import PrivateFolder
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
 Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded", "mirror"]
@@ -39,6 +41,8 @@ KEPT_OPEN = 6
 LOOK_EVERY = 1.0
 """Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
 _PATIENCE = 20
+_UNPACKED = 4
+"""A visitor's file may unpack to so many times what a visitor may hand over."""
 OPENS_WITHIN = 1.0
 """Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
 RUNNABLE_PIXELS = 160_000
@@ -84,7 +88,7 @@ class Catalogue:
         self.facts = ListedFacts()
         self.granted: dict[str, OpenedAs] = {}
         """Ids that are opened in this way, whoever comes in: those of the host's own session file."""
-        self._scratch: TemporaryDirectory[str] | None = None
+        self._scratch: PrivateFolder | None = None
         self._models = tuple(offered_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
         self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
@@ -244,7 +248,7 @@ class Catalogue:
         for recording in kept:
             recording.close()
         if scratch is not None:
-            scratch.cleanup()
+            scratch.close()
 
     def _read(
         self, entry: Entry, stated: Assumptions, view: View | None, progress: Callable[[float], None] | None
@@ -261,26 +265,47 @@ class Catalogue:
                 path = fetch(entry.remote, progress=progress)
             if path.suffix.lower() in VIDEO_SUFFIXES:
                 path, told = self._seen(path, progress)
+            noticed: tuple[Remark, ...] | None = None
+            if self._is_strangers(entry):
+                path, noticed = self._opened_apart(entry, stated, progress)
+                stated = NOTHING_ASSUMED
             asked = self._config.downsample if view is None else view.downsample
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
             recording = opened(view=self._config.view(asked or 1) if view is None else view)
+            if noticed is not None:
+                recording = replace(recording, remarks=noticed, opened_as=None)
             factor = runnable_downsample(recording.sensor.num_pixels)
             if asked is None and factor > 1:
                 whole = recording.sensor
                 recording.close()
                 recording = opened(view=self._config.view(factor))
+                recording = recording if noticed is None else replace(recording, remarks=noticed, opened_as=None)
                 binned = f"binned {factor}×{factor} of {whole}"
                 text = f"{binned} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
         except EtnetError as error:
             raise under_its_name(error, entry) from error
         except Exception as error:
-            raise RecordingError(f"{entry.title}: cannot be opened ({error})") from error
+            raise RecordingError(f"{entry.title}: cannot be opened ({without_paths(str(error))[:300]})") from error
         if told:  # a simulated video lies in a scratch file, which nobody opens again
             recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
         recording = called_by_its_name(recording, entry)
         weakref.finalize(recording, recording.source.close)
         return recording
+
+    def _is_strangers(self, entry: Entry) -> bool:
+        """Whether a file came from somebody whom nobody here knows."""
+        return entry.kind == "upload" and self._config.is_open and sys.platform != "win32"
+
+    def _opened_apart(
+        self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None
+    ) -> tuple[Path, tuple[Remark, ...]]:
+        from app.catalogue.opening_apart import open_apart
+
+        largest = _UNPACKED * ((self._config.upload_megabytes or 1) << 20)
+        return open_apart(
+            entry.path, stated, largest, progress or (lambda share: None), lambda: entry.id in self._private
+        )
 
     def can_be_stated(self, entry: Entry) -> bool:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
@@ -316,8 +341,8 @@ class Catalogue:
         config = VideoConfig()
         with self._lock:
             if self._scratch is None:
-                self._scratch = TemporaryDirectory(prefix="etnet-video-")
-        made = Path(self._scratch.name) / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
+                self._scratch = PrivateFolder("etnet-video-")
+        made = self._scratch.path / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
         if not made.exists():
             simulate_video(video, made, config, progress)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
@@ -346,14 +371,19 @@ def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
 
 
 def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
-    """The same error; of a visitor's file, by the name they gave it: where it lies is nobody's business."""
-    return RecordingError(_named(str(error), entry)) if entry.kind == "upload" else error
+    """The same error without a folder of this machine; of a visitor's file, by the name they gave it."""
+    said = _named(str(error), entry) if entry.kind == "upload" else str(error)
+    plain = printable(without_paths(said))
+    return error if plain == str(error) else RecordingError(plain)
 
 
 def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
     """The same recording; a visitor's file has the name they gave it, in what was noticed, too."""
     if entry.kind != "upload":
-        return recording
+        name = printable(recording.name)
+        remarks = tuple(replace(remark, text=printable(remark.text)) for remark in recording.remarks)
+        is_plain = name == recording.name and remarks == recording.remarks
+        return recording if is_plain else replace(recording, name=name, remarks=remarks)
     remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
     path = entry.path.parent / entry.title  # by which a session file names it; it is open already
     return replace(recording, name=Path(entry.title).stem, remarks=remarks, path=path)
@@ -377,7 +407,7 @@ def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entr
     if config.data is not None:
         for path, turn in offered.items():
             folder = path.parent.relative_to(config.data)
-            where = "" if folder == Path() else f"{folder} · "
+            where = "" if folder == Path() else f"{printable(folder)} · "
             yield _entry(path, "data", f"{where}{size_of(path)}", turn)
     if not config.demo:
         for sample in SAMPLES.values():
@@ -385,7 +415,7 @@ def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entr
 
 
 def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
-    name = path.stem if kind == "bundled" else path.name or str(path)
+    name = printable(path.stem if kind == "bundled" else path.name or str(path))
     # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
     entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{digest(path)}"
     if turn:
@@ -395,6 +425,6 @@ def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
 
 def _on_demand(sample: RemoteSample) -> Entry:
     is_here = cached(sample) is not None
-    subtitle = "real, fetched before" if is_here else f"real, fetched once: {sample.num_bytes / 1e6:.0f} MB"
+    subtitle = "real, fetched before" if is_here else f"real, fetched once: {in_megabytes(sample.num_bytes)}"
     path = cache_folder() / sample.name
     return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)

@@ -7,11 +7,15 @@ thread, so a server that runs for days would grow by what is left of its visitor
 from __future__ import annotations
 
 from collections.abc import Callable
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Event, Lock, Thread, current_thread
 
 MOST_IDLE = 32
 """Threads that wait for work; one that finds so many waiting already ends."""
+KEPT_IDLE = 4
+"""Threads that wait for as long as the process lives; those of a crowd that has gone end after `PATIENCE`."""
+PATIENCE = 20.0
+"""Seconds."""
 IDLE = "idle"
 """The name of a thread that waits."""
 
@@ -22,8 +26,10 @@ _Mail = SimpleQueue[tuple[Work, str, Event]]
 class ThreadPool:
     """Starts work on a thread that waits, or on a new one. Safe from all threads."""
 
-    def __init__(self, most_idle: int = MOST_IDLE) -> None:
+    def __init__(self, most_idle: int = MOST_IDLE, kept_idle: int = KEPT_IDLE, patience: float = PATIENCE) -> None:
         self._most_idle = most_idle
+        self._kept_idle = kept_idle
+        self._patience = patience
         self._idle: list[_Mail] = []
         self._lock = Lock()
 
@@ -45,11 +51,24 @@ class ThreadPool:
 
     def _serve(self, mail: _Mail) -> None:
         while True:
-            _do(*mail.get())
+            try:
+                _do(*mail.get(timeout=self._patience))
+            except Empty:
+                if self._may_end(mail):
+                    return
+                continue
             with self._lock:
                 if len(self._idle) >= self._most_idle:
                     return
                 self._idle.append(mail)
+
+    def _may_end(self, mail: _Mail) -> bool:
+        """Whether a thread that waited in vain ends: more than enough wait, and no work is on its way to it."""
+        with self._lock:
+            if mail not in self._idle or len(self._idle) <= self._kept_idle:
+                return False
+            self._idle.remove(mail)
+            return True
 
 
 def _do(work: Work, name: str, ended: Event) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 from threading import RLock
 
 from app.catalogue.recordings import Entry
-from app.catalogue.temp_folder import PrivateFolder
-from app.catalogue.visitor_uploads import MEGABYTE, UploadError, UploadLimits, VisitorUploads, in_megabytes
+from app.catalogue.visitor_uploads import MEGABYTE, UploadError, UploadLimits, VisitorUploads
+from etnet.files import in_megabytes
+from etnet.private_folder import PrivateFolder
 
 SPARE_DISK = 256 * MEGABYTE
 """Bytes of the disk that are left free whatever comes."""

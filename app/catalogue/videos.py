@@ -17,9 +17,9 @@ from pathlib import Path
 from threading import Event, RLock, Semaphore
 from typing import TYPE_CHECKING
 
-from app.catalogue.temp_folder import PrivateFolder
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.recording import Recording
+from etnet.private_folder import PrivateFolder
 
 if TYPE_CHECKING:
     from etnet.simulation.growing import GrowingVideo, Pace

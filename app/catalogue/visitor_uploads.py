@@ -22,8 +22,9 @@ from app.catalogue.folder import size_of
 from app.catalogue.recordings import Entry
 from etnet.errors import EtnetError
 from etnet.events.index_store import BESIDE
+from etnet.files import in_megabytes
 
-MEGABYTE = 1 << 20
+MEGABYTE = 1_000_000
 LONGEST_TITLE = 80
 MOST_FILES = 8
 """Files that one visitor may have here at once."""
@@ -274,14 +275,6 @@ def title_of(name: str) -> str:
     if len(plain) > LONGEST_TITLE:
         plain = f"{plain[: LONGEST_TITLE - 20]}…{plain[-16:]}"
     return plain or "a file without a name"
-
-
-def in_megabytes(size: int) -> str:
-    """Bytes in words. Rounded up, so that what is too large never reads as what is allowed."""
-    if size < MEGABYTE // 10:
-        return f"{-(-size // 1024)} kB"
-    tenths = -(-size * 10 // MEGABYTE)
-    return f"{tenths / 10:,.1f}".removesuffix(".0") + " MB"
 
 
 def _suffix(name: str) -> str:

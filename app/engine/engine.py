@@ -12,6 +12,7 @@ import numpy as np
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.live import LiveFeed
+from app.engine.failures import in_words
 from app.engine.jobs import Job, JobQueue, Tell
 from app.engine.live import LiveSteps
 from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache
@@ -21,7 +22,7 @@ from app.engine.recent_frames import RecentFrames
 from app.engine.replies import array_of, hand_over, ready_of
 from app.engine.requests import Failed, FrameRequest, Precision, Ready, Reply, Working
 from app.engine.thumbnails import Thumbnails
-from etnet.errors import Cancelled, EtnetError, WindowError
+from etnet.errors import Cancelled, WindowError
 
 if TYPE_CHECKING:
     from jaxtyping import Float32
@@ -65,9 +66,14 @@ class Engine:
         load: Loader | None = None,
         prefetches: bool = True,
         live: tuple[LiveFeed, str, Precision] | None = None,
+        longest_step: float | None = None,
     ) -> None:
-        """`live`: a source with the network that follows it, whether anybody looks or not."""
+        """`live`: a source with the network that follows it, whether anybody looks or not.
+
+        `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
+        """
         self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load)
+        self._longest_step = longest_step
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
         self._prefetcher = Prefetcher(self._playbacks, self._book) if prefetches else None
@@ -127,14 +133,14 @@ class Engine:
             self._to_forget.append(recording_id)
             self._book.changed.notify_all()
 
-    def stop(self) -> None:
-        """End the thread after the step that runs, and wait for that."""
+    def stop(self, patience: float = 2.0) -> None:
+        """End the thread after the step that runs, and wait for that as long as `patience` (s)."""
         with self._book.changed:
             self._is_stopping = True
             if self._live is not None:
                 self._live.stop()
             self._book.changed.notify_all()
-        self._thread.join()
+        self._thread.join(patience)
 
     def cached(self, request: FrameRequest) -> CacheReport | None:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
@@ -202,13 +208,8 @@ class Engine:
             self._grant(turn)
         except Cancelled:
             return  # replaced by a newer request, dropped, or another visitor's turn: it stays in the book if wanted
-        except EtnetError as error:
-            self._fail(turn, str(error))
-        except MemoryError:
-            self._fail(turn, "out of memory; start the viewer with a smaller --budget or with --downsample 2")
         except Exception as error:
-            _log.exception("a request failed: %s", turn.request)
-            self._fail(turn, f"something unexpected went wrong ({type(error).__name__}: {error})")
+            self._fail(turn, in_words(error, turn.request))
 
     def _grant(self, turn: PendingRequest) -> None:
         request, began = turn.request, time.perf_counter()
@@ -255,7 +256,16 @@ class Engine:
                 seconds = loaded.expected_step / 1000
                 size = loaded.playback.recording.sensor
                 self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
+        self._check_step(loaded)
         return self._playbacks.reaching(request)
+
+    def _check_step(self, loaded: LoadedPlayback) -> None:
+        if self._longest_step is not None and loaded.expected_step > self._longest_step:
+            sensor = loaded.playback.recording.sensor
+            raise WindowError(
+                f"an image of {sensor} would take about {loaded.expected_step / 1000:.0f} s here, at most "
+                f"{self._longest_step / 1000:.0f} s are given to one; start the viewer with --downsample 4 or --roi"
+            )
 
     def _forget_reports(self) -> None:
         held = self._playbacks.held_keys()

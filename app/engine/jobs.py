@@ -14,9 +14,10 @@ from threading import Condition
 from typing import Any, Protocol
 
 from app.catalogue.recording_id import is_of
+from app.engine.failures import in_words
 from app.engine.playbacks import LoadedPlayback, PlaybackCache
 from app.engine.requests import FrameRequest
-from etnet.errors import Cancelled, EtnetError, ModelError
+from etnet.errors import Cancelled, ModelError
 
 KEPT_BYTES = 64 << 20
 """Whole answers that are kept for who asks again; the oldest go."""
@@ -119,15 +120,8 @@ class JobQueue:
             self._advance(key, entry, is_wanted_elsewhere)
         except Cancelled:
             entry.answers = None
-        except EtnetError as error:
-            self._settle(key, entry, JobResult(entry.job, trouble=str(error)))
-        except MemoryError:
-            trouble = "out of memory; start the viewer with a smaller --budget or with --downsample 2"
-            self._settle(key, entry, JobResult(entry.job, trouble=trouble))
         except Exception as error:
-            _log.exception("a job failed: %s", entry.job)
-            trouble = f"something unexpected went wrong ({type(error).__name__}: {error})"
-            self._settle(key, entry, JobResult(entry.job, trouble=trouble))
+            self._settle(key, entry, JobResult(entry.job, trouble=in_words(error, entry.job)))
         finally:
             if not self._holds(key, entry):
                 _end(entry)

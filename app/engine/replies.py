@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float32
 
+from app.engine.failures import check_finite
 from app.engine.playbacks import LoadedPlayback, is_exact
 from app.engine.queue import PendingRequest
 from app.engine.requests import FrameRequest, Ready, Reply
@@ -30,10 +31,12 @@ def ready_of(
     is_approximate: bool = False,
 ) -> Ready:
     """A frame as it goes to visitors, with what may be claimed of it."""
+    array = array_of(frame)
+    check_finite(array, loaded.playback.model, request.index)
     num_seen = loaded.num_seen(request.index)
     return Ready(
         request=request,
-        frame=array_of(frame),
+        frame=array,
         attention=attention,
         milliseconds=(time.perf_counter() - began) * 1000,
         is_exact=not is_approximate and loaded.playback.first == 0 and is_exact(loaded, request),

@@ -6,7 +6,6 @@ draws what needs no model at once, and asks the engine for the rest; the newest 
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +20,7 @@ from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
+from app.engine.failures import in_words
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
 from app.session.booth import Booth, MirrorNews
@@ -57,7 +57,6 @@ WAIT_FOR_HELLO = 1.0
 """Seconds in which a page says which tab it is; after that it is shown the default view."""
 GLANCE = 0.5
 """Seconds between two looks at what the engine has cached."""
-log = logging.getLogger(__name__)
 
 
 class Session:
@@ -161,10 +160,7 @@ class Session:
                 if self._held.said_gone(self._state):
                     self._is_dirty = True  # it left a live recording while it was drawn: that is drawn next
                     continue
-                log.exception("%s: cannot draw", self._visitor)
-                unknown = "Something went wrong; the log of the viewer says what."
-                what = str(error) if isinstance(error, EtnetError) else unknown
-                self._notify("This could not be shown", what)
+                self._notify("This could not be shown", in_words(error, self))
                 self._is_dirty = False
 
     def _letters(self, patience: float) -> Iterator[Item]:

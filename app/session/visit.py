@@ -24,6 +24,7 @@ from app.state.view_state import Limits, ViewState
 from app.views.demo.state import PointAt
 from app.views.reduce import reduce_views
 from app.views.view import View
+from etnet.files import in_megabytes
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
@@ -113,8 +114,9 @@ class Visit:
         if not isinstance(made, Download):
             return ()
         self._client.send_file_download(made.name, made.content, save_immediately=True)
-        size = f"{len(made.content) / 1e6:.1f} MB" if len(made.content) >= 1e5 else f"{len(made.content) / 1e3:.0f} kB"
-        self._client.add_notification("Export", f"{made.name}, {size}: the browser saves it.", auto_close_seconds=6.0)
+        self._client.add_notification(
+            "Export", f"{made.name}, {in_megabytes(len(made.content))}: the browser saves it.", auto_close_seconds=6.0
+        )
         return (Downloaded(news.slot),)
 
     def answer(self, letter: Shown, state: ViewState) -> ViewState:

@@ -6,7 +6,6 @@ fields that say more than their type does. Nothing here raises anything but Valu
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from functools import lru_cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from etnet import plain_values
 from etnet.errors import EtnetError
 
 LONGEST_TEXT = 500
@@ -118,28 +118,7 @@ def bounded_json(text_: str, longest: int = LONGEST_JSON) -> Any:
     Raises:
         ValueError: too long, too deep, not JSON, or a number that no field of ours takes.
     """
-    if len(text_) > longest:
-        raise ValueError(f"{len(text_):,} characters of JSON, at most {longest:,} are read")
-    depth = deepest = 0
-    for sign in text_:  # an upper bound: brackets inside strings count, too
-        depth += (sign in "[{") - (sign in "]}")
-        deepest = max(deepest, depth)
-    if deepest > DEEPEST_JSON:
-        raise ValueError(f"JSON of more than {DEEPEST_JSON} levels")
-    try:
-        return json.loads(text_, parse_int=_small, parse_constant=_refuse)
-    except (RecursionError, OverflowError) as error:
-        raise ValueError("JSON that cannot be read") from error
-
-
-def _small(digits: str) -> int:
-    if len(digits) > 20:
-        raise ValueError("a number with more than 20 digits")
-    return int(digits)
-
-
-def _refuse(word: str) -> float:
-    raise ValueError(f"{word} is no number of JSON")
+    return plain_values.bounded_json(text_, longest, DEEPEST_JSON)
 
 
 @lru_cache(maxsize=64)

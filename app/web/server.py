@@ -10,15 +10,18 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
-from typing import Protocol
-from urllib.parse import urlsplit
+from typing import Any, Protocol
 
 import viser
+from websockets.asyncio.server import ServerConnection
 
 from app.html.assets import page_folder
-from app.web.access import LOOPBACK, AccessControl, Handler, guarding
+from app.web.access import LOOPBACK, NOTEBOOKS, AccessControl, Handler
+from app.web.guarding import guarding
 from app.web.idle_memory import IdleMemory, share_arenas
 from app.web.index_page import IndexPage
+from app.web.outgoing import escape_outgoing
+from app.web.requests import public_origin
 from etnet.errors import EtnetError
 
 BRAND = (185, 181, 255)
@@ -39,6 +42,8 @@ class Address:
     port: int = 8080
     token: str | None = None
     public_url: str | None = None
+    is_embedded: bool = False
+    """Whether a notebook shows it in a frame."""
 
     @property
     def is_loopback(self) -> bool:
@@ -82,21 +87,33 @@ def start_server(
     A visitor who comes when `most_visitors` are here already is told so, and gets no session. `doors` are
     websockets beside viser's, `pages` whole pages, by their path.
     """
-    public = frozenset({urlsplit(address.public_url).netloc}) if address.public_url else frozenset[str]()
+    public = public_origin(address.public_url) if address.public_url else None
+    if address.public_url and public is None:
+        raise AddressError(f"--public-url {address.public_url}: wanted an address such as https://show.example/viewer")
+    if address.token == "":
+        raise AddressError("an empty token lets everybody in; give one of your own, or none")
     guard = AccessControl(
         page_folder(),
         address.token,
-        LOOPBACK | {_bracketed(address.host)},
+        LOOPBACK | {_bracketed(address.host).lower()},
         public,
-        f"ok, viser {viser.__version__}\n",
         IndexPage(address.public_url).dressed,
         doors or {},
         pages,
+        NOTEBOOKS if address.is_embedded else "'self'",
+        address.host in ("0.0.0.0", "::"),
     )
     share_arenas()
+    escape_outgoing()
+    made: list[viser.ViserServer] = []
+
+    def widget(connection: ServerConnection, uuid: str) -> Any:
+        return _widget(made[0], connection, uuid) if made else None
+
     # viser prints a frame with addresses of its own; this program says where to look in one line.
-    with guarding(guard), redirect_stdout(StringIO()):
+    with guarding(guard, widget), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=address.host, port=port, label="ET-Net viewer", verbose=False)
+    made.append(server)
     # Any page in the browser may ask viser to publish itself through a tunnel on a foreign server: never here.
     server.request_share_url = lambda verbose=True: None
     _dress(server)
@@ -135,6 +152,15 @@ def _welcome(
         if (gone := visits.pop(client.client_id, None)) is not None:
             gone.close()
         upkeep.after_visit()
+
+
+def _widget(server: viser.ViserServer, connection: ServerConnection, uuid: str) -> Any:
+    """The widget of a connection's page by its id; `None` where it has none such (any more)."""
+    # A copy: the dictionary is written by the same event loop, and by viser's own teardown.
+    live = dict(server._websock_server._live_connections)
+    number = next((number for number, held in live.items() if held is connection), None)
+    client = None if number is None else server._connected_clients.get(number)
+    return None if client is None else client.gui._gui_input_handle_from_uuid.get(uuid)
 
 
 def _bind_once(host: str, port: int) -> None:

@@ -17,6 +17,7 @@ from rich.markup import escape
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
+from etnet.files import write_atomically
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges
@@ -238,9 +239,7 @@ def _write_report(report: Report, out: Path) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    write_atomically(path, text.encode())
 
 
 def _say(text: str) -> None:

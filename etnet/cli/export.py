@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -294,11 +293,12 @@ def _write_page(config: Page, take: Take, policy: Policy, progress: Progress) ->
 
 def _write_session(config: SessionFile, take: Take, policy: Policy, progress: Progress) -> str:
     from etnet.export.session_file import Change, parse_intervention, record_session, write_session
+    from etnet.plain_values import bounded_json
 
     change = None
     if config.intervention is not None:
         try:
-            change = Change(config.at, parse_intervention(json.loads(config.intervention)))
+            change = Change(config.at, parse_intervention(bounded_json(config.intervention, 1 << 20)))
         except (ValueError, AttributeError) as slip:
             raise EtnetError(f"--intervention is not a JSON object ({slip})") from None
     session = record_session(take, policy, change, progress=progress)

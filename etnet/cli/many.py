@@ -18,6 +18,7 @@ from pathlib import Path
 
 from etnet.cli.progress import console
 from etnet.errors import EtnetError
+from etnet.files import write_atomically
 
 Work = Callable[[Path, Path, Callable[[float], None]], int]
 """(recording, its output folder, told the fraction done) → frames written. Raises an EtnetError where it fails."""
@@ -217,9 +218,7 @@ def _note_failure(job: Job, said: str) -> None:
 def _finish(job: Job, settings: str, frames: int) -> None:
     (job.folder / FAILED).unlink(missing_ok=True)
     done = {"recording": job.path.name, "bytes": job.nbytes, "frames": frames, "settings": settings}
-    unfinished = job.folder / f"{DONE}.part"
-    unfinished.write_text(json.dumps(done, indent=1) + "\n")
-    os.replace(unfinished, job.folder / DONE)
+    write_atomically(job.folder / DONE, (json.dumps(done, indent=1) + "\n").encode())
 
 
 def _recordings_below(path: Path, out: Path) -> list[Path]:

@@ -186,8 +186,9 @@ def _write(
     told: Callable[[float], None],
 ) -> int:
     """All frames, or those of `names`; how many they are."""
-    from etnet.export.images import to_uint8, write_atomically, write_png
+    from etnet.export.images import to_uint8, write_png
     from etnet.export.video import video_writer
+    from etnet.files import write_atomically
     from etnet.reconstruction import reconstruct
 
     folder = config.out / ("frames" if config.layout == "frames" else "cam0")

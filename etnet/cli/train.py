@@ -47,7 +47,7 @@ def _export(folder: Path, target: Path, best: bool) -> int:
 
 
 def _draw(folder: Path, target: Path) -> int:
-    from etnet.export.images import write_atomically
+    from etnet.files import write_atomically
     from etnet.training.plot import plot_runs
 
     write_atomically(target, plot_runs([folder]).encode())

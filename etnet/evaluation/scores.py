@@ -16,6 +16,7 @@ from etnet.errors import RecordingError
 from etnet.evaluation.bootstrap import Averaging, average
 from etnet.evaluation.datasets import Sequence
 from etnet.evaluation.protocol import ProtocolName
+from etnet.files import write_atomically
 
 Row = Literal["as it is", "best affine per frame", "constant grey"]
 ROWS: tuple[Row, ...] = ("as it is", "best affine per frame", "constant grey")
@@ -107,9 +108,7 @@ def average_of(scores: list[Scores], measure: Measure, row: Row, averaging: Aver
 def write_scores(scores: Scores, path: Path, key: str) -> None:
     """Write atomically. `key` names all that the numbers depend on; `read_scores` asks for the same."""
     text = json.dumps({"key": key, **scores.to_json()}, ensure_ascii=False, allow_nan=False)
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    write_atomically(path, text.encode())
 
 
 def read_scores(path: Path, key: str) -> Scores | None:

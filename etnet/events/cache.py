@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
-import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +13,7 @@ from jaxtyping import Float32, Int8, Int64, Shaped, UInt16
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.private_folder import PrivateFolder
 
 MEMORY_CAP = 256 << 20
 """Bytes of decoded events, and as many of frames, that one recording holds in memory."""
@@ -41,26 +40,25 @@ class Scratch:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._folder: Path | None = None
-        self._remove: weakref.finalize | None = None
+        self._folder: PrivateFolder | None = None
 
     def path(self, file: str, num_bytes: int = 0) -> Path:
         """A path in the folder for a file that will grow by `num_bytes`; an error if the disk has no room for it."""
         if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="etnet-"))
-            self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
-        free = shutil.disk_usage(self._folder).free
+            self._folder = PrivateFolder("etnet-scratch-")
+        folder = self._folder.path
+        free = shutil.disk_usage(folder).free
         if free < num_bytes + _SPARE_DISK:
             raise RecordingError(
-                f"{self._name}: decoded it needs {num_bytes >> 20} MB more in {self._folder.parent}, where "
+                f"{self._name}: decoded it needs {num_bytes >> 20} MB more in {folder.parent}, where "
                 f"{free >> 20} MB are free; make room there or point TMPDIR to a larger disk"
             )
-        return self._folder / file
+        return folder / file
 
     def close(self) -> None:
         """Remove the folder and all in it."""
-        if self._remove is not None:
-            self._remove()
+        if self._folder is not None:
+            self._folder.close()
 
 
 class EventCache:

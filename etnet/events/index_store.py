@@ -5,15 +5,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
-import os
-import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Int64
 
-from etnet.files import cache_folder
+from etnet.errors import EtnetError
+from etnet.files import UNFINISHED, cache_folder, write_atomically
 
 BESIDE = ".etnet-indices"
 """A folder of this name beside a file takes the file's indices: they go with the folder that they lie in."""
@@ -67,20 +66,15 @@ def save_index(path: Path, arrays: Arrays) -> None:
     """Keep them. The file appears whole, even if others write it; where no file can be written nothing is kept."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, EtnetError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".unfinished")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(buffer.getvalue()).digest() + buffer.getvalue())
-            os.replace(unfinished, path)
-        finally:
-            Path(unfinished).unlink(missing_ok=True)
+        content = hashlib.sha256(buffer.getvalue()).digest() + buffer.getvalue()
+        write_atomically(path, content, flushes=False)
         _prune(path.parent)
 
 
 def _prune(folder: Path) -> None:
     kept = sorted(folder.glob("*.index"), key=lambda each: each.stat().st_mtime)
-    forgotten = [each for each in folder.glob("*.unfinished") if time.time() - each.stat().st_mtime > _ABANDONED]
+    forgotten = [each for each in folder.glob(f"*{UNFINISHED}") if time.time() - each.stat().st_mtime > _ABANDONED]
     for old in (*kept[:-MAX_FILES], *forgotten):
         old.unlink(missing_ok=True)

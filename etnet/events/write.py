@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,11 +18,12 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import Progress
 from etnet.events.events import Events
 from etnet.events.formats.base import contained
+from etnet.events.formats.hdf5.writing import hdf5_to_write
 from etnet.events.formats.prophesee.clock import mark_turns
 from etnet.events.formats.prophesee.trigger_words import MOST_CHANNELS, put_triggers
 from etnet.events.recording import Recording, Remark
 from etnet.events.triggers import Triggers
-from etnet.files import check_target
+from etnet.files import check_target, replacing
 
 Layout = Literal["event_utils", "dsec", "aedat4", "evt3", "csv", "npz"]
 
@@ -103,13 +102,11 @@ def write_recording(
         raise RecordingError(f"{path.name}: is there already; choose another name or allow overwriting")
     part = _Part(recording, start, stop, progress or (lambda _: None), span)
     # The suffix stays last, for some writers go by it.
-    unfinished = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{path.suffix}")
-    try:
-        with contained(path.name, f"events into {chosen}", "write", "check the disk and the folder"):
-            remarks = _WRITERS[chosen](part, unfinished)
-            os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with (
+        contained(path.name, f"events into {chosen}", "write", "check the disk and the folder"),
+        replacing(path, suffix=path.suffix) as unfinished,
+    ):
+        remarks = _WRITERS[chosen](part, unfinished)
     return remarks + _without_motion(recording) + (() if chosen == "evt3" else _without_triggers(recording, chosen))
 
 
@@ -117,7 +114,7 @@ def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
     """TimoStoff/event_utils, lib/data_formats/event_packagers.py: what ET-Net and E2VID+ are trained with."""
     sensor, first, last = part.recording.sensor, part.first_stamp(), part.last_stamp()
     num_on, place = 0, 0
-    with h5py.File(path, "w") as file:
+    with hdf5_to_write(path) as file:
         shape, options = (part.num_events,), {"chunks": (min(_CHUNK, part.num_events),), "compression": "gzip"}
         xs, ys = (file.create_dataset(f"events/{axis}", shape, "i2", **options) for axis in ("xs", "ys"))
         ts = file.create_dataset("events/ts", shape, "f8", **options)
@@ -127,6 +124,7 @@ def _write_event_utils(part: _Part, path: Path) -> tuple[Remark, ...]:
             xs[span], ys[span], ts[span], ps[span] = events.x, events.y, events.t / 1e6, events.p > 0
             num_on += int(np.count_nonzero(events.p > 0))
             place = span.stop
+            file.check()
         num_frames = _write_frames(part, file, first, last)
         file.attrs["num_events"], file.attrs["num_pos"] = part.num_events, num_on
         file.attrs["num_neg"], file.attrs["duration"] = part.num_events - num_on, (last - first) / 1e6
@@ -172,7 +170,7 @@ def _write_dsec(part: _Part, path: Path) -> tuple[Remark, ...]:
     if last - first >= 2**32:
         raise RecordingError(f"{path.name}: {(last - first) // 10**6} s are too long for DSEC's 32-bit stamps; cut it")
     place = 0
-    with h5py.File(path, "w") as file:
+    with hdf5_to_write(path) as file:
         options = dict(hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE))
         options["chunks"] = (min(_CHUNK, part.num_events),)
         kinds = {"x": "u2", "y": "u2", "t": "u4", "p": "u1"}
@@ -184,6 +182,7 @@ def _write_dsec(part: _Part, path: Path) -> tuple[Remark, ...]:
             table["x"][span], table["y"][span] = events.x, events.y
             table["t"][span], table["p"][span] = events.t - first, events.p > 0
             place = span.stop
+            file.check()
         num_ms = (last - first) // 1000 + 1
         indices = [part.recording.index_at(first + 1000 * ms) - part.start for ms in range(num_ms)]
         # Events before `start` may carry the first stamp too.

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import IO, Any, Literal, Protocol
 
 import numpy as np
 from torch import Tensor
 
 from etnet.errors import EtnetError, ModelError
 from etnet.export.take import IsCancelled, Moment, Progress, Take
-from etnet.files import check_target
+from etnet.files import replacing
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.padding import TokenGrid
 from etnet.reconstruction import window_voxel
@@ -117,7 +116,6 @@ def _numpy(tensor: Tensor) -> np.ndarray:
 
 
 def _opened(path: Path, length: int, facts: Mapping[str, Any]) -> AbstractContextManager[ArraySink]:
-    check_target(path)
     if path.suffix == ".npz":
         return _npz(path, length, facts)
     if path.suffix in (".h5", ".hdf5"):
@@ -127,53 +125,70 @@ def _opened(path: Path, length: int, facts: Mapping[str, Any]) -> AbstractContex
 
 @contextmanager
 def _npz(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySink]:
-    """Rows go to memory-mapped files beside the target, which are then packed: memory stays flat."""
-    folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f"{path.name}."))
-    arrays: dict[str, np.memmap] = {}
-    filled: dict[str, int] = {}
+    """Rows go to files of a folder beside the target, which are then packed: memory stays flat.
 
-    def sink(name: str, row: np.ndarray) -> None:
-        if name not in arrays:
-            file = folder / f"{len(arrays)}.npy"
-            arrays[name] = np.lib.format.open_memmap(file, "w+", row.dtype, (length, *row.shape))
-        arrays[name][filled.setdefault(name, 0)] = row
-        filled[name] += 1
+    Each row is written and not mapped: a disk that is full is then an error, and no signal that ends the process.
+    """
+    with replacing(path) as packed, tempfile.TemporaryDirectory(dir=path.parent, prefix=f"{packed.name}.") as folder:
+        files: dict[str, IO[bytes]] = {}
+        left: dict[str, int] = {}
+        opened = ExitStack()
 
-    try:
-        yield sink
-        packed = folder / "packed"
+        def sink(name: str, row: np.ndarray) -> None:
+            if name not in files:
+                files[name] = opened.enter_context((Path(folder) / f"{len(files)}.npy").open("wb"))
+                left[name] = length * row.nbytes
+                descr = np.lib.format.dtype_to_descr(row.dtype)
+                head = {"descr": descr, "fortran_order": False, "shape": (length, *row.shape)}
+                np.lib.format.write_array_header_2_0(files[name], head)
+            files[name].write(row.tobytes())
+            left[name] -= row.nbytes
+
+        with opened:
+            yield sink
+            for name, file in files.items():
+                file.truncate(file.tell() + left[name])  # rows that never came are zeros
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            for i, (name, array) in enumerate(arrays.items()):
-                array.flush()
-                archive.write(folder / f"{i}.npy", f"{name}.npy")
+            for i, name in enumerate(files):
+                archive.write(Path(folder) / f"{i}.npy", f"{name}.npy")
             with archive.open("facts.npy", "w") as file:
                 np.lib.format.write_array(file, np.array(json.dumps(facts)))
-        os.replace(packed, path)
-    finally:
-        arrays.clear()
-        shutil.rmtree(folder)
 
 
 @contextmanager
 def _hdf5(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySink]:
-    import h5py
+    """Rows of an HDF5 file, which are read again before it takes its place: on a full disk HDF5 may say nothing."""
+    from etnet.events.formats.hdf5.writing import hdf5_to_write
 
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    filled: dict[str, int] = {}
-    try:
-        with h5py.File(temporary, "w") as file:
+    sums: dict[str, list[int]] = {}
+    with replacing(path) as beside:
+        with hdf5_to_write(beside) as file:
             file.attrs["facts"] = json.dumps(facts)
 
             def sink(name: str, row: np.ndarray) -> None:
-                if name not in filled:
+                if name not in sums:
                     shape = (length, *row.shape)
                     packing = {"chunks": (1, *row.shape), "compression": "gzip", "compression_opts": 1}
                     file.create_dataset(name, shape, row.dtype, **(packing if row.ndim else {}))
-                    filled[name] = 0
-                file[name][filled[name]] = row  # pyright: ignore[reportIndexIssue]
-                filled[name] += 1
+                    sums[name] = []
+                file[name][len(sums[name])] = row  # pyright: ignore[reportIndexIssue]
+                sums[name].append(zlib.crc32(np.ascontiguousarray(row).tobytes()))
+                file.check()
 
             yield sink
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        _verify(beside, path, sums)
+
+
+def _verify(written: Path, path: Path, sums: Mapping[str, Sequence[int]]) -> None:
+    """An error unless every row is there as it was handed over."""
+    import h5py
+
+    try:
+        with h5py.File(written, "r") as file:
+            for name, expected in sums.items():
+                for i, checksum in enumerate(expected):
+                    row: Any = file[name][i]  # pyright: ignore[reportIndexIssue]
+                    if zlib.crc32(np.ascontiguousarray(row).tobytes()) != checksum:
+                        raise OSError(f"row {i} of {name} is not what was written")
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise EtnetError(f"{path.name}: was not written whole ({error}); make room, or choose another place") from None

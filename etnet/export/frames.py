@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from etnet.export.images import write_atomically, write_png
+from etnet.export.images import write_png
 from etnet.export.pictures import Look, draw
 from etnet.export.take import IsCancelled, Progress, Take
+from etnet.files import write_atomically
 
 
 def write_frames(

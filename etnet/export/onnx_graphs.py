@@ -9,7 +9,6 @@ import copy
 import json
 import logging
 import math
-import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -23,7 +22,7 @@ import torch
 from torch import Tensor, nn
 
 from etnet.errors import EtnetError, ModelError
-from etnet.files import check_target
+from etnet.files import check_target, replacing
 from etnet.nets.abilities import abilities_of
 from etnet.nets.attention import TRAINED_TOKENS, MultiHeadAttention
 from etnet.nets.base import Pyramid, State
@@ -192,12 +191,8 @@ def _write(graph: Graph, path: Path, model: Network, is_dynamic: bool) -> Path:
     assert program is not None
     facts = {"name": model.name, "bins": model.bins, "normalise_voxels": model.normalise_voxels, "multiple_of": PATCH}
     program.model.metadata_props["etnet"] = json.dumps(facts)
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        program.save(temporary, external_data=False)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path, suffix=path.suffix) as beside:
+        program.save(beside, external_data=False)
     return path
 
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from etnet.bundled import export_page_folder, tokens_file
 from etnet.errors import EtnetError
-from etnet.export.images import write_atomically
 from etnet.export.page_content import Content, PageConfig, gather
 from etnet.export.take import IsCancelled, Progress, Take
+from etnet.files import write_atomically
 from etnet.nets.base import Reconstructor
 from etnet.windows import Policy
 

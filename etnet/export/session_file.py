@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,15 +20,14 @@ from torch import nn
 
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError, WeightsError
-from etnet.events.assumptions import Assumptions
-from etnet.events.cleaning import Cleaning
-from etnet.events.opened_as import OpenedAs, View
+from etnet.events.opened_as import OpenedAs
 from etnet.events.recording import Recording
-from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Progress, Take
+from etnet.files import in_megabytes, write_atomically
 from etnet.nets.fingerprint import weights_sha256
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
+from etnet.plain_values import PlainError, bounded_json, made_of
 from etnet.playback.playback import Playback
 from etnet.windows import Policy, plan_windows
 
@@ -36,6 +36,10 @@ OLDER_FORMAT = "etnet-session-1"
 """Read, too: it does not say how the recording was opened."""
 READ_EVENTS = 1 << 20
 """Events hashed at a time."""
+LARGEST_FILE = 16 << 20
+"""Bytes of a session file: 200,000 frames."""
+MOST_THREADS = 1024
+_HASH = re.compile(r"[0-9a-f]{64}")
 _POLICIES: dict[str, type[Policy]] = {kind.__name__: kind for kind in get_args(Policy)}
 
 
@@ -209,51 +213,50 @@ def write_session(session: Session, path: Path) -> None:
 def read_session(path: Path) -> Session:
     """A session from its file; a file that is none is an error that says what is wrong with it."""
     try:
-        content = json.loads(path.read_bytes())
-        if content.pop("format") not in (FORMAT, OLDER_FORMAT):
-            raise ValueError(f"its format is not {FORMAT}")
-        policy = content.pop("policy")
-        contract = content.pop("contract")
-        change = content.pop("change")
-        opened = content.pop("opened", None)
-        return Session(
-            policy=_POLICIES[policy.pop("kind")](**policy),
-            contract=Contract(**{**contract, "runtime": Runtime(**contract["runtime"])}),
-            change=None if change is None else Change(int(change["at"]), parse_intervention(change["intervention"])),
-            start=int(content.pop("start")),
-            frames=tuple(map(str, content.pop("frames"))),
-            opened=None if opened is None else _opened_as(**opened),
-            **content,
-        )
-    except (ValueError, KeyError, TypeError, AttributeError) as slip:
+        if path.stat().st_size > LARGEST_FILE:
+            raise PlainError(f"{in_megabytes(path.stat().st_size)}, at most {in_megabytes(LARGEST_FILE)} are read")
+        return _session_of(bounded_json(path.read_bytes(), LARGEST_FILE))
+    except OSError as slip:
+        raise EtnetError(f"{path.name}: cannot be read ({slip.strerror})") from None
+    except PlainError as slip:
         raise EtnetError(f"{path.name}: is not a session file ({slip}); write one with etnet export session") from None
 
 
-def parse_intervention(content: Mapping[str, Any]) -> Intervention:
+def _session_of(content: Any) -> Session:
+    if not isinstance(content, dict) or content.pop("format", None) not in (FORMAT, OLDER_FORMAT):
+        raise PlainError(f"its format is not {FORMAT}")
+    policy = content.get("policy")
+    kind = _POLICIES.get(str(policy.pop("kind", ""))) if isinstance(policy, dict) else None
+    if kind is None:
+        raise PlainError("its policy is none that is known")
+    opened = content.get("opened")
+    if opened is not None and not _is_opening(opened):
+        raise PlainError("it does not say how its recording was opened")
+    session = made_of(Session, {**content, "policy": made_of(kind, policy)})
+    if not (session.frames and all(_HASH.fullmatch(each) for each in session.frames)):
+        raise PlainError("its frames are no hashes")
+    if not (_HASH.fullmatch(session.events_sha256) and _HASH.fullmatch(session.weights_sha256)):
+        raise PlainError("its recording or its weights have no hash")
+    if session.start < 0 or (session.change is not None and session.change.at < 0):
+        raise PlainError("it begins before the first window")
+    if not 1 <= session.contract.threads <= MOST_THREADS:
+        raise PlainError(f"its contract has {session.contract.threads} threads; wanted 1 … {MOST_THREADS}")
+    return session
+
+
+def _is_opening(opened: object) -> bool:
+    """Whether both are said: what was assumed, and which part was seen."""
+    view = opened.get("view") if isinstance(opened, dict) and "assumed" in opened else None
+    return isinstance(view, dict) and "region" in view
+
+
+def parse_intervention(content: object) -> Intervention:
     """An intervention from plain values: lists become sets; what is left out stays as it is in the original."""
-
-    def value(given: Any) -> Any:
-        return (
-            frozenset(tuple(item) if isinstance(item, list) else item for item in given)
-            if isinstance(given, list)
-            else given
-        )
-
     try:
-        return Intervention(**{name: value(given) for name, given in content.items()})
-    except TypeError as slip:
+        return made_of(Intervention, content)
+    except PlainError as slip:
         known = ", ".join(entry.name for entry in dataclasses.fields(Intervention))
         raise EtnetError(f"intervention is not understood ({slip}); it takes {known}") from None
-
-
-def _opened_as(
-    assumed: Mapping[str, Any], view: Mapping[str, Any], cleaning: Mapping[str, Any] | None = None
-) -> OpenedAs:
-    region = view["region"]
-    plain = {**view, "region": None if region is None else tuple(map(int, region))}
-    if plain["region"] is not None and len(plain["region"]) != 4:
-        raise ValueError("its region is not x, y, width, height")
-    return OpenedAs(Assumptions(**assumed), View(**plain), Cleaning(**(cleaning or {})))
 
 
 def _frame_hashes(

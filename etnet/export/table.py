@@ -12,8 +12,8 @@ from torch import Tensor
 
 from etnet.evaluation.lpips import perceptual_distance
 from etnet.evaluation.metrics import SSIM_PAPER, mean_squared_error, structural_similarity
-from etnet.export.images import write_atomically
 from etnet.export.take import IsCancelled, Moment, Progress, Take
+from etnet.files import write_atomically
 
 COLUMNS = (
     "window", "t_start_us", "t_stop_us", "seconds", "num_events", "events_per_second", "events_per_pixel", "on_share",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from etnet.errors import EtnetError
 from etnet.export.pace import Pace, pace_of
 from etnet.export.pictures import Look, Picture, draw
 from etnet.export.take import IsCancelled, Progress, Take
-from etnet.files import check_target
+from etnet.files import replacing
 
 if TYPE_CHECKING:
     import av
@@ -121,36 +120,33 @@ def _writer(
 ) -> Generator[FrameSink]:
     import av
 
-    check_target(path)
     width, height = size
     padding = [(0, -height % kind.multiple), (0, -width % kind.multiple), (0, 0)][: 2 if is_grey else 3]
     shape = (height, width) if is_grey else (height, width, 3)
-    temporary = path.with_name(f"{path.stem}.{os.getpid()}.tmp{path.suffix or '.' + kind.container}")
     rate = Fraction(frames_per_second).limit_denominator(10_000)
     num_frames = 0
-    try:
-        with av.open(str(temporary), "w", format=kind.container, container_options=kind.container_options) as output:
-            stream = cast("av.VideoStream", output.add_stream(kind.codec, rate=rate, options=kind.options))
-            stream.width, stream.height = width + padding[1][1], height + padding[0][1]
-            stream.pix_fmt = kind.pixel_format
-            brought = _palette(stream.width, stream.height) if kind.pixel_format == "pal8" else None
+    with (
+        replacing(path, suffix=path.suffix or f".{kind.container}") as temporary,
+        av.open(str(temporary), "w", format=kind.container, container_options=kind.container_options) as output,
+    ):
+        stream = cast("av.VideoStream", output.add_stream(kind.codec, rate=rate, options=kind.options))
+        stream.width, stream.height = width + padding[1][1], height + padding[0][1]
+        stream.pix_fmt = kind.pixel_format
+        brought = _palette(stream.width, stream.height) if kind.pixel_format == "pal8" else None
 
-            def sink(image: Picture) -> None:
-                nonlocal num_frames
-                if image.shape != shape:
-                    raise EtnetError(f"{path.name}: a frame is {image.shape}, the video is {shape}")
-                padded = np.ascontiguousarray(np.pad(image, padding, mode="edge"))
-                frame = av.VideoFrame.from_ndarray(padded, "gray" if is_grey else "rgb24")
-                for ready in [frame] if brought is None else brought(frame):
-                    ready.pts, ready.time_base = num_frames, 1 / rate
-                    output.mux(stream.encode(ready))
-                    num_frames += 1
+        def sink(image: Picture) -> None:
+            nonlocal num_frames
+            if image.shape != shape:
+                raise EtnetError(f"{path.name}: a frame is {image.shape}, the video is {shape}")
+            padded = np.ascontiguousarray(np.pad(image, padding, mode="edge"))
+            frame = av.VideoFrame.from_ndarray(padded, "gray" if is_grey else "rgb24")
+            for ready in [frame] if brought is None else brought(frame):
+                ready.pts, ready.time_base = num_frames, 1 / rate
+                output.mux(stream.encode(ready))
+                num_frames += 1
 
-            yield sink
-            output.mux(stream.encode(None))
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        yield sink
+        output.mux(stream.encode(None))
 
 
 def _palette(width: int, height: int) -> Callable[[av.VideoFrame], Iterator[av.VideoFrame]]:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 import platform
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from etnet.files import cache_folder
+from etnet.errors import EtnetError
+from etnet.files import cache_folder, write_atomically
 from etnet.nets.runtime import isa_of_machine
 
 MAX_CHOICES = 500
@@ -29,19 +28,13 @@ def kept_choice(name: str) -> dict[str, Any] | None:
 
 def keep_choice(name: str, choice: dict[str, Any]) -> None:
     """Keep it. Where the folder cannot be written nothing is kept, and the next run measures again."""
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, EtnetError):
         path = choices_file()
         path.parent.mkdir(parents=True, exist_ok=True)
         content = {**_read(), _key(name): choice}
         while len(content) > MAX_CHOICES:
             del content[next(iter(content))]
-        handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".unfinished")
-        try:
-            with os.fdopen(handle, "w") as file:
-                json.dump(content, file, indent=1)
-            os.replace(unfinished, path)
-        finally:
-            Path(unfinished).unlink(missing_ok=True)
+        write_atomically(path, json.dumps(content, indent=1).encode(), flushes=False)
 
 
 def choices_file() -> Path:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ from torch import Tensor, nn
 
 from etnet.bundled import models
 from etnet.errors import WeightsError
-from etnet.files import check_target
+from etnet.files import replacing
 from etnet.nets.listing import where_to_get
 from etnet.nets.metadata import config_of_plain, parse_object
 from etnet.nets.precision import PrecisionChoice, choose_runtime
@@ -31,7 +29,6 @@ def save_weights(
     model: nn.Module, path: Path, card: Mapping[str, Any] | None = None, dtype: torch.dtype | None = torch.float16
 ) -> None:
     """Write a model's weights, configuration and card to `path`, atomically; fp16 unless told otherwise."""
-    check_target(path)
     config: Any = model.config
     metadata = {
         "format": FORMAT,
@@ -40,15 +37,12 @@ def save_weights(
         "card": json.dumps(dict(card or {})),
     }
     state = {name: tensor.detach().to("cpu", dtype).contiguous() for name, tensor in model.state_dict().items()}
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
-    os.close(handle)
-    try:
-        save_file(state, temporary, metadata)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with replacing(path) as beside:
+        try:
+            save_file(state, beside, metadata)
+        except SafetensorError as error:
+            raise WeightsError(f"{path.name}: cannot be written ({error}); make room there") from None
+        beside.chmod(0o644)
 
 
 def read_card(path: Path) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import shutil
-import tempfile
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -20,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
 
-from etnet.files import cache_folder
+from etnet.files import UNFINISHED, cache_folder, write_atomically
 from etnet.nets.base import State
 
 DEFAULT_BUDGET = 1 << 30
@@ -175,11 +174,13 @@ class RunCache:
         def write() -> int:
             path = self._folder / f"{index}{suffix}"
             if not (self._folder / "run.json").exists():
-                _write_atomically(self._folder / "run.json", json.dumps({"title": self._title}).encode())
+                self._folder.mkdir(parents=True, exist_ok=True)
+                title = json.dumps({"title": self._title}).encode()
+                write_atomically(self._folder / "run.json", title, flushes=False)
             content = _packed(tensors)
             if len(content) > self._cache.budget_bytes // 4:
                 return 0
-            _write_atomically(path, content)
+            write_atomically(path, content, flushes=False)
             held.add(index)
             return len(content)
 
@@ -217,17 +218,6 @@ def _is_channels_last(tensor: Tensor) -> bool:
     return tensor.ndim == 4 and not tensor.is_contiguous() and tensor.is_contiguous(memory_format=torch.channels_last)
 
 
-def _write_atomically(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".unfinished")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.replace(unfinished, path)
-    finally:
-        Path(unfinished).unlink(missing_ok=True)
-
-
 def _folders(folder: Path) -> tuple[Path, ...]:
     return tuple(each for each in folder.iterdir() if each.is_dir()) if folder.is_dir() else ()
 
@@ -238,7 +228,7 @@ def _files(folder: Path) -> Iterator[tuple[Path, int, float]]:
         for path in run.glob("*"):
             with contextlib.suppress(OSError):
                 status = path.stat()
-                if path.suffix == ".unfinished" and time.time() - status.st_mtime > _ABANDONED:
+                if f".{UNFINISHED}" in path.name and time.time() - status.st_mtime > _ABANDONED:
                     path.unlink(missing_ok=True)
                 elif path.name != "run.json":
                     yield path, status.st_size, status.st_mtime

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -15,7 +14,8 @@ import numpy as np
 from jaxtyping import Float32, Shaped
 
 from etnet.errors import Cancelled, RecordingError
-from etnet.files import check_target
+from etnet.events.formats.hdf5.writing import hdf5_to_write
+from etnet.files import check_target, replacing
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Footage, Frame, Framing
 from etnet.simulation.sensor import SensorTraits
@@ -163,20 +163,15 @@ def simulate_footage(
     attributes: Mapping[str, str | int | float] | None = None,
 ) -> Written:
     """Write what the sensor sees of any footage, as `simulate_video` does of a video."""
-    check_target(out)
-    part = out.with_name(out.name + ".part")
     shown = Shown(-1, 0, 0, 0)
-    try:
-        with h5py.File(part, "w", libver=("v110", "v110")) as file:
-            for shown in simulated(file, footage, config, attributes):
-                if is_cancelled is not None and is_cancelled():
-                    raise Cancelled("the simulation was stopped")
-                if progress is not None:
-                    progress(min(shown.stamp / 1e6 / max(footage.duration, 1e-6), 1.0))
-            num_events = int(file.attrs["num_events"])  # pyright: ignore[reportArgumentType]  the lag's last ones too
-        os.replace(part, out)
-    finally:
-        part.unlink(missing_ok=True)
+    with replacing(out) as part, hdf5_to_write(part, libver=("v110", "v110")) as file:
+        for shown in simulated(file, footage, config, attributes):
+            if is_cancelled is not None and is_cancelled():
+                raise Cancelled("the simulation was stopped")
+            file.check()
+            if progress is not None:
+                progress(min(shown.stamp / 1e6 / max(footage.duration, 1e-6), 1.0))
+        num_events = int(file.attrs["num_events"])  # pyright: ignore[reportArgumentType]  the lag's last ones too
     return Written(num_events, shown.frame + 1, tuple(footage.remarks))
 
 

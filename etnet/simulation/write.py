@@ -6,7 +6,6 @@ loaders expect it: a velocity in pixels per second, which times the time since t
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,8 @@ import numpy as np
 from jaxtyping import Float32, Int64, UInt8
 
 from etnet.events.events import Events
-from etnet.files import check_target
+from etnet.events.formats.hdf5.writing import hdf5_to_write
+from etnet.files import replacing
 from etnet.simulation.sequence import Sequence
 
 CHUNK = 65_536
@@ -42,16 +42,13 @@ def take_of(sequence: Sequence, with_flow: bool = True) -> Take:
 
 
 def write_take(path: Path, take: Take, attributes: Mapping[str, str | int | float], gzip_level: int = 4) -> None:
-    """Write `take` to `path`, whole or not at all: a broken run leaves a *.part file and never a half recording."""
-    check_target(path)
-    part = path.with_name(path.name + ".part")
+    """Write `take` to `path`, whole or not at all."""
     # The 1.10 format (2016) indexes a picture of one chunk in place: 2.5 kB less for each.
-    with h5py.File(part, "w", libver=("v110", "v110")) as file:
+    with replacing(path) as part, hdf5_to_write(part, libver=("v110", "v110")) as file:
         _write_events(file, take.events, gzip_level)
         _write_frames(file, take, gzip_level)
         for key, value in attributes.items():
             file.attrs[key] = value
-    os.replace(part, path)
 
 
 def _write_events(file: h5py.File, events: Events, gzip_level: int) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import os
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from etnet.files import replacing
 from etnet.training.config import TrainConfig, TrainingError
 
 LAST = "last.pt"
@@ -58,16 +58,8 @@ class Checkpoint:
 
 def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
     """Write beside, flush to the disk, then rename: a kill at any moment leaves the old file or the new one."""
-    temporary = path.with_suffix(".tmp")
-    try:
-        with open(temporary, "wb") as file:
-            torch.save({name: getattr(checkpoint, name) for name in checkpoint.__dataclass_fields__}, file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with replacing(path) as beside, open(beside, "wb") as file:
+        torch.save({name: getattr(checkpoint, name) for name in checkpoint.__dataclass_fields__}, file)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:

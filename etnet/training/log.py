@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ from typing import Any
 import cv2
 import numpy as np
 from torch import Tensor
+
+from etnet.files import write_atomically
 
 LOG = "log.jsonl"
 
@@ -23,9 +24,7 @@ class RunLog:
         self._folder = folder
         self._path = folder / LOG
         kept = [line for line in read_log(folder) if line["update"] <= update]
-        temporary = self._path.with_suffix(".tmp")
-        temporary.write_text("".join(json.dumps(line) + "\n" for line in kept))
-        os.replace(temporary, self._path)
+        write_atomically(self._path, "".join(json.dumps(line) + "\n" for line in kept).encode())
         self._board = _tensorboard(folder)
 
     def write(self, kind: str, update: int, numbers: Mapping[str, Any]) -> None:

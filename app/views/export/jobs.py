@@ -6,7 +6,6 @@ steps; between two steps requests are granted.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -29,7 +28,9 @@ from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order
 from app.views.inspect.state import NO_CHANGE, InspectState, changed_request
 from app.views.reconstruction.state import ReconstructionState
 from etnet.errors import Cancelled, EtnetError
+from etnet.files import in_megabytes
 from etnet.nets.intervention import Intervention
+from etnet.private_folder import PrivateFolder
 
 if TYPE_CHECKING:
     from etnet.events.recording import Recording
@@ -60,9 +61,9 @@ class ExportJob:
         """One step of the network, or a moment's wait for the writer, between two yields."""
         take = _take_of(self.order, loaded)
         relay = cast(Any, take.playback)
-        with tempfile.TemporaryDirectory(prefix="etnet-take-") as folder:
+        with PrivateFolder("etnet-take-") as folder:
             name = file_name(take.recording.name, self.order.wanted.format)
-            path = Path(folder) / name
+            path = folder / name
             work = partial(_write, self.order, take, path, loaded.contract.threads)
             writer = Writer(work, "taking away", relay.give_up)
             try:
@@ -76,7 +77,7 @@ class ExportJob:
             size = path.stat().st_size
             if size > LARGEST:
                 raise EtnetError(
-                    f"{name} comes to {size / 1e6:.0f} MB; a page hands out at most {LARGEST / 1e6:.0f}: "
+                    f"{name} comes to {in_megabytes(size)}; a page hands out at most {in_megabytes(LARGEST)}: "
                     "take fewer windows, or use `etnet export`"
                 )
             made = Download(name, path.read_bytes())

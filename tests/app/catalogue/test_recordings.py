@@ -276,7 +276,10 @@ def test_a_region_is_applied_on_opening():
     ("options", "said"),
     [
         ({"roi": "1,2,3"}, "--roi"),
-        ({"host": "0.0.0.0"}, "--token"),
+        ({"host": "0.0.0.0", "token": ""}, "--token"),
+        ({"token": ""}, "--token"),
+        ({"public_url": "show.example"}, "--public-url"),
+        ({"public_url": "http://["}, "--public-url"),
         ({"port": 70_000}, "--port"),
         ({"budget": 1}, "--budget"),
         ({"threads": 0}, "--threads"),

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from app.catalogue.recordings import Catalogue, CatalogueError
-from app.catalogue.temp_folder import PrivateFolder, sweep
 from app.catalogue.uploads import UploadLimits, Uploads
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE, UploadError, in_megabytes, title_of
@@ -23,6 +22,7 @@ from app.html.uploads import handing_html
 from etnet.errors import EtnetError
 from etnet.events.index_store import index_path, load_index, save_index
 from etnet.events.write import write_recording
+from etnet.private_folder import PrivateFolder, sweep
 from tests.app.stand_ins import recording
 
 LIMITS = UploadLimits(visitor_bytes=1000, total_bytes=1500, visitor_files=3)
@@ -159,7 +159,7 @@ def test_a_name_is_shown_as_one_plain_line(name, title):
 def test_what_is_too_large_never_reads_as_what_is_allowed():
     assert in_megabytes(256 * MEGABYTE) == "256 MB"
     assert in_megabytes(256 * MEGABYTE + 1) == "256.1 MB"
-    assert in_megabytes(10) == "1 kB"
+    assert in_megabytes(10) == "0.1 kB"
 
 
 def test_nothing_of_a_name_becomes_markup(uploads):
@@ -198,7 +198,7 @@ def test_everything_goes_with_the_visitor_and_with_the_server(uploads, shelves):
 
 def test_what_a_killed_server_left_is_swept_up_and_what_a_living_one_holds_is_not():
     code = (
-        "import os, sys; from app.catalogue.temp_folder import PrivateFolder; f = PrivateFolder('etnet-test-');"
+        "import os, sys; from etnet.private_folder import PrivateFolder; f = PrivateFolder('etnet-test-');"
         "print(f.path, flush=True); sys.stdin.read(); os._exit(9)"
     )
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stdin=subprocess.PIPE, text=True)

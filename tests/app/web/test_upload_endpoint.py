@@ -11,7 +11,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.catalogue.uploads import UploadLimits
-from app.web.access import LARGEST_MESSAGE
+from app.web.guarding import LARGEST_MESSAGE
 from app.web.upload_endpoint import CHUNK
 from tests.app.stand_ins import Browser, held_files, served
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +16,8 @@ from app.state.view_state import ViewState
 from app.views.recording.state import TRIM_SLOT, RecordingState, TrimOrder
 from etnet.errors import EtnetError
 from etnet.events.recording import Recording
+from etnet.files import in_megabytes
+from etnet.private_folder import PrivateFolder
 
 _ADVICE = "mark a shorter stretch, or use `etnet cut`"
 
@@ -38,8 +39,8 @@ class TrimJob:
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Download | None, float]]:
         """A moment's wait for the writer between two yields; it needs no step of the network."""
         recording = loaded.playback.recording
-        with tempfile.TemporaryDirectory(prefix="etnet-cut-") as folder:
-            path = Path(folder) / f"{plain_name(recording.name)}_cut.h5"
+        with PrivateFolder("etnet-cut-") as folder:
+            path = folder / f"{plain_name(recording.name)}_cut.h5"
             writer = Writer(partial(_write, self.order, recording, path), "cutting")
             try:
                 while not writer.is_done:
@@ -71,6 +72,6 @@ def _write(order: TrimOrder, recording: Recording, path: Path, writer: Writer) -
         writer.note(share)
         size = sum(part.stat().st_size for part in path.parent.iterdir())
         if size > LARGEST:
-            raise EtnetError(f"this stretch comes to more than the {LARGEST / 1e6:.0f} MB of a page; {_ADVICE}")
+            raise EtnetError(f"this stretch comes to more than the {in_megabytes(LARGEST)} of a page; {_ADVICE}")
 
     write_recording(recording, path, "event_utils", start=start, stop=stop, span=span, progress=progress)

@@ -18,6 +18,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.aedat.aedat2_davis import Samples, first_pixel
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
+from etnet.events.formats.rows_on_disk import RowsOnDisk
 from etnet.events.formats.trigger_table import TriggerTable
 from etnet.events.formats.word_stream import unrolled
 
@@ -65,7 +66,8 @@ def _open(request: Request) -> Opened:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if size % 8:
         remarks.repaired(f"{size % 8} bytes after the last whole event were left out; the file may be truncated")
-    words = np.memmap(request.path, ">u4", "r", offset=start, shape=(size // 8, 2))
+    words = RowsOnDisk(request.path, ">u4", start, (size // 8, 2))
+    request.resources.callback(words.close)
     declared = next((sensor for chip, sensor in _CHIPS if chip in header), None)
     chip = declared or _judged_sensor(words)
     if declared is None and request.assume.sensor is None:
@@ -93,7 +95,7 @@ def _open(request: Request) -> Opened:
     )
 
 
-def _judged_sensor(words: np.ndarray) -> Sensor:
+def _judged_sensor(words: RowsOnDisk) -> Sensor:
     """A DVS128 address has 15 bits; a DAVIS one reaches beyond 16."""
     sample = words[:: max(1, len(words) // 100_000), 0].astype(np.int64)
     if int(sample.max()) < 1 << 16:
@@ -103,7 +105,7 @@ def _judged_sensor(words: np.ndarray) -> Sensor:
     return Sensor(240, 180) if reach[0] < 180 and reach[1] < 240 else Sensor(346, 260)
 
 
-def _pieces(words: np.ndarray, is_dvs128: bool, sensor: Sensor, other: _Other) -> Iterator[Decoded]:
+def _pieces(words: RowsOnDisk, is_dvs128: bool, sensor: Sensor, other: _Other) -> Iterator[Decoded]:
     last, turns = None, 0
     for start in range(0, len(words), _BLOCK):
         block = words[start : start + _BLOCK]

@@ -17,7 +17,7 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore, ZipStore
-from etnet.events.formats.arrays.leaves import held, leaves_of, load_mapped
+from etnet.events.formats.arrays.leaves import held, leaves_of, load_foreign
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.column_finder import Column, Columns, Found, Leaf, find_events
 from etnet.events.formats.frames import found_frames
@@ -64,7 +64,7 @@ def _part(request: Request, member: str) -> Found | None:
     label = f"{request.name}: {member}"
     with contained(request.name, member):
         if member.lower().endswith(".npy"):
-            array = load_mapped(path, label)
+            array = load_foreign(path, label, request)
             return find_events({"events": Leaf(array.shape, array.dtype, lambda: array)}, Remarks())
         store = ZipStore(path, request.resources)
         return find_events(leaves_of(store, store.names(), replace(request, name=label), held), Remarks())

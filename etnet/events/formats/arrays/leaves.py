@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from io import BufferedIOBase, BytesIO
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from etnet.errors import RecordingError
+from etnet.events.cache import MEMORY_CAP
 from etnet.events.formats.archive import Store, read_small
 from etnet.events.formats.base import Request, contained
 from etnet.events.formats.bounds import Unpacked
@@ -50,16 +52,17 @@ def leaves_of(
 
 
 def mapped(store: Store, member: str, request: Request) -> np.ndarray:
-    """An npy file as a memory map; one in an archive is unpacked to scratch first."""
+    """An npy file as numbers; one in an archive is unpacked to scratch and mapped there."""
     path: Path | None = store.local_path(member)
-    if path is None:
-        path = request.scratch.path(member.replace("/", "_"), store.size(member))
-        unpacked = Unpacked(max(1, request.path.stat().st_size), request.name)
-        with store.open(member) as packed, path.open("wb") as plain:
-            while block := packed.read(_STEP):
-                unpacked.take(len(block))
-                plain.write(block)
-                request.progress(0.1)
+    if path is not None:
+        return load_foreign(path, f"{request.name}: {member}", request)
+    path = request.scratch.path(member.replace("/", "_"), store.size(member))
+    unpacked = Unpacked(max(1, request.path.stat().st_size), request.name)
+    with store.open(member) as packed, path.open("wb") as plain:
+        while block := packed.read(_STEP):
+            unpacked.take(len(block))
+            plain.write(block)
+            request.progress(0.1)
     return load_mapped(path, f"{request.name}: {member}")
 
 
@@ -71,8 +74,30 @@ def held(store: Store, member: str, request: Request) -> np.ndarray:
     return np.load(BytesIO(content), allow_pickle=False)
 
 
+def load_foreign(path: Path, where: str, request: Request) -> np.ndarray:
+    """An npy file that is not ours, in memory, or as a map of a private copy where it is large.
+
+    Who cuts a mapped file short ends the process that reads it.
+    """
+    size = path.stat().st_size
+    if size > MEMORY_CAP:
+        copy = request.scratch.path(f"{path.stem}.{path.stat().st_ino}.npy", size)
+        with path.open("rb") as source, copy.open("wb") as target:
+            while block := source.read(_STEP):
+                target.write(block)
+                request.progress(0.1)
+        return load_mapped(copy, where)
+    with path.open("rb") as stream:
+        shape, dtype = header_of(stream)
+        if dtype.hasobject:
+            raise RecordingError(f"{where}: {PICKLED}")
+        if math.prod(shape) * dtype.itemsize > size - stream.tell():
+            raise RecordingError(f"{where}: ends before its array of {shape}; it is truncated, copy it again")
+    return np.load(path, allow_pickle=False)
+
+
 def load_mapped(path: Path, where: str) -> np.ndarray:
-    """An npy file as a map, never with Python objects; one without a dimension is read."""
+    """An npy file of our own scratch as a map, never with Python objects; one without a dimension is read."""
     with path.open("rb") as stream:
         shape, dtype = header_of(stream)
     if dtype.hasobject:

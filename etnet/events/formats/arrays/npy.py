@@ -15,7 +15,7 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore, Store, ZipStore, read_small
-from etnet.events.formats.arrays.leaves import MAGIC, PICKLED, header_of, is_pickled, leaves_of, load_mapped, mapped
+from etnet.events.formats.arrays.leaves import MAGIC, PICKLED, header_of, is_pickled, leaves_of, load_foreign, mapped
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import ANY_PIXELS, check_pixels, declared_sensor
 from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events
@@ -54,7 +54,7 @@ def _kind(leaf: Leaf) -> str:
 def _npy_tree(request: Request) -> dict[str, Leaf]:
     with contained(request.name, "the npy array"), request.path.open("rb") as stream:
         shape, dtype = header_of(stream)
-    return {"": Leaf(shape, dtype, lambda: load_mapped(request.path, request.name))}
+    return {"": Leaf(shape, dtype, lambda: load_foreign(request.path, request.name, request))}
 
 
 def _open_npy(request: Request) -> Opened:

@@ -7,11 +7,12 @@ pause.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Int64, UInt16
+
+from etnet.files import replacing
 
 _HIGH, _END = 0x8 << 12, 0xFFF
 _BLOCK = 1 << 20
@@ -24,17 +25,12 @@ def mark_turns(path: Path) -> None:
     places, missing = _missing(words)
     if not len(places):
         return
-    marked = path.with_name(f"{path.name}.marked")
-    try:
-        with path.open("rb") as source, marked.open("wb") as target:
-            target.write(source.read(start))
-            for first, last, word in zip([0, *places[:-1]], places, missing, strict=True):
-                words[first:last].tofile(target)
-                target.write(word.tobytes())
-            words[places[-1] :].tofile(target)
-        os.replace(marked, path)
-    finally:
-        marked.unlink(missing_ok=True)
+    with replacing(path) as marked, path.open("rb") as source, marked.open("wb") as target:
+        target.write(source.read(start))
+        for first, last, word in zip([0, *places[:-1]], places, missing, strict=True):
+            words[first:last].tofile(target)
+            target.write(word.tobytes())
+        words[places[-1] :].tofile(target)
 
 
 def header_end(path: Path) -> int:

@@ -14,6 +14,7 @@ from etnet.events.formats.decode import Decoded, collect
 from etnet.events.formats.paged import paged, pages
 from etnet.events.formats.prophesee.header import Header, read_header
 from etnet.events.formats.prophesee.raw import RAW
+from etnet.events.formats.rows_on_disk import RowsOnDisk
 
 _EVENT_TYPES = (0x00, 0x0C)
 """Change events: the old "2d" and the later "CD"; both have one layout in version 2."""
@@ -39,7 +40,8 @@ def _open(request: Request) -> Opened:
         remarks.repaired(f"{size % 8} bytes after the last whole event were left out; the file may be truncated")
     if size < 8:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
-    words = np.memmap(request.path, "<u4", "r", offset=header.num_bytes + 2, shape=(size // 8, 2))
+    words = RowsOnDisk(request.path, "<u4", header.num_bytes + 2, (size // 8, 2))
+    request.resources.callback(words.close)
     offset = int(header.fields["T0"]) if header.fields.get("T0", "").isdigit() else 0
     declared = header.sensor(request.name, remarks, request.assume.sensor is not None)
     bits = (9, 8) if version == "1" else (14, 14)
@@ -77,7 +79,7 @@ def _decoded(words: np.ndarray, bits: tuple[int, int], offset: int) -> Decoded:
     return Decoded(x, y, stamps, polarity.astype(bool))
 
 
-def _some_stamps(words: np.ndarray) -> np.ndarray:
+def _some_stamps(words: RowsOnDisk) -> np.ndarray:
     """All of a short file; of a long one some that are spread over it, and the last."""
     if len(words) <= _SHORT:
         return words[:, 0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from jaxtyping import Int64, UInt16
 from etnet.events.formats.prophesee.clock import header_end
 from etnet.events.formats.prophesee.evt2_evt3 import TRIGGER, Notes, State, clock_words
 from etnet.events.triggers import Triggers
+from etnet.files import replacing
 
 _LOW, _HIGH = 0x6 << 12, 0x8 << 12
 _BLOCK = 1 << 20
@@ -25,25 +25,20 @@ def put_triggers(path: Path, triggers: Triggers) -> None:
     An edge that is not known is written as a rising one: the format has no other.
     """
     start = header_end(path)
-    filled = path.with_name(f"{path.name}.filled")
     state, place, high = State(), 0, -1
-    try:
-        with path.open("rb") as source, filled.open("wb") as target:
-            target.write(source.read(start))
-            while block := source.read(2 * _BLOCK):
-                words = np.frombuffer(block, "<u2")
-                clock, times, state = clock_words(words, state, Notes())
-                if len(times):
-                    # What comes after the block's last time may still come after a later one.
-                    first, place = place, int(np.searchsorted(triggers.stamps, times[-1]))
-                    words = _filled(words, clock, times, _part(triggers, first, place), high)
-                    high = int(times[-1]) >> 12
-                words.tofile(target)
-            no_words, no_times = np.empty(0, "<u2"), np.empty(0, np.int64)
-            _filled(no_words, no_times, no_times, _part(triggers, place), high).tofile(target)
-        os.replace(filled, path)
-    finally:
-        filled.unlink(missing_ok=True)
+    with replacing(path) as filled, path.open("rb") as source, filled.open("wb") as target:
+        target.write(source.read(start))
+        while block := source.read(2 * _BLOCK):
+            words = np.frombuffer(block, "<u2")
+            clock, times, state = clock_words(words, state, Notes())
+            if len(times):
+                # What comes after the block's last time may still come after a later one.
+                first, place = place, int(np.searchsorted(triggers.stamps, times[-1]))
+                words = _filled(words, clock, times, _part(triggers, first, place), high)
+                high = int(times[-1]) >> 12
+            words.tofile(target)
+        no_words, no_times = np.empty(0, "<u2"), np.empty(0, np.int64)
+        _filled(no_words, no_times, no_times, _part(triggers, place), high).tofile(target)
 
 
 def _part(triggers: Triggers, start: int, stop: int | None = None) -> Triggers:

@@ -14,7 +14,7 @@ from app.session.session import Session
 from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.live import VIEW as LIVE
-from app.web.access import sits_here
+from app.web.peer import sits_here
 from app.web.server import Address, free_port, start_server
 from etnet.events.events import Sensor
 from etnet.events.recording import recording_of_events

@@ -1,0 +1,225 @@
+"""Visitors who drag beside three who are hostile: how long drags take, whether frames stay exact, what is left behind.
+
+    python benchmarks/hostile.py [--seconds 60] [--visitors 6]
+
+The viewer runs in this process, so that its frames can be compared with the sequential run, bit for bit; visitors run
+in processes of their own, over loopback. Seconds depend on the machine; the drags without the hostile ones, in the same
+run, are the floor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import gc
+import hashlib
+import json
+import random
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+RESULTS = Path(__file__).parent / "results" / "hostile.json"
+
+
+async def polite(port: int, tab: int, seconds: float) -> list[float]:
+    """Drags to places of the recording, and measures until the last place is on the page."""
+    from tests.app.stand_ins import Browser
+
+    took, rng, ends = [], random.Random(tab), time.monotonic() + seconds
+    async with Browser.open(port, tab=tab) as browser:
+        await browser.until(lambda: any(w.get("label") == "Window" for w in browser.widgets.values()), 60)
+        await browser.until_shown("window ", 60)
+        slider = browser.widget("Window")
+        while time.monotonic() < ends:
+            target = rng.randrange(45)
+            for step in range(4):
+                await browser.use(slider, (target + 4 - step) % 50)
+                await asyncio.sleep(0.04)
+            began = time.monotonic()
+            await browser.use(slider, target)
+            await browser.until_shown(f"window {target} ", 30)
+            took.append(time.monotonic() - began)
+            await asyncio.sleep(rng.random())
+    return took
+
+
+async def flooding(port: int, seconds: float) -> None:
+    """Moves a slider as fast as it can."""
+    from tests.app.stand_ins import Browser
+
+    ends = time.monotonic() + seconds
+    while time.monotonic() < ends:
+        with contextlib.suppress(Exception):
+            async with Browser.open(port, tab=200) as browser:
+                await browser.until(lambda: any(w.get("label") == "Window" for w in browser.widgets.values()), 20)
+                slider = browser.widget("Window")
+                while time.monotonic() < ends:
+                    for i in range(200):
+                        await browser.use(slider, i % 50)
+
+
+async def babbling(port: int, seconds: float) -> None:
+    """Sends frames that no page sends, and comes again when it is cut off."""
+    from tests.app.stand_ins import Browser
+    from tests.app.web.fuzz_messages import frames
+
+    waiting, ends = frames(10**6, 5), time.monotonic() + seconds
+    while time.monotonic() < ends:
+        with contextlib.suppress(Exception):
+            async with Browser.open(port, tab=None) as browser:
+                for frame in waiting:
+                    await browser._socket.send(frame)
+                    await asyncio.sleep(0)
+
+
+async def silent(port: int, seconds: float) -> None:
+    """Opens sockets that say nothing, and asks for pages that are none."""
+    import viser
+    from websockets.asyncio.client import connect
+
+    ends = time.monotonic() + seconds
+    async with contextlib.AsyncExitStack() as stack:
+        while time.monotonic() < ends:
+            with contextlib.suppress(Exception):
+                await stack.enter_async_context(
+                    connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=2)
+                )
+            with contextlib.suppress(Exception):
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(b"GET /" + b"x" * 9000 + b" HTTP/1.1\r\n\r\n")
+                await reader.read(100)
+                writer.close()
+            await asyncio.sleep(0.02)
+
+
+ROLES = {"polite": polite, "flooding": flooding, "babbling": babbling, "silent": silent}
+
+
+def play(role: str, *arguments: float) -> None:
+    """One visitor, in its own process."""
+    wanted = [int(arguments[0]), *([int(arguments[1])] if role == "polite" else []), arguments[-1]]
+    print(json.dumps(asyncio.run(ROLES[role](*wanted))))
+
+
+def started(role: str, *arguments: float) -> subprocess.Popen[str]:
+    """A process that plays a visitor."""
+    command = [sys.executable, __file__, "--role", role, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+
+
+def resident() -> float:
+    """Megabytes of this process."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096 / 1e6
+
+
+def drags(port: int, visitors: int, seconds: float, hostile: tuple[str, ...], first_tab: int) -> list[float]:
+    """Seconds of every drag of so many visitors beside these."""
+    others = [started(role, port, seconds + 5) for role in hostile]
+    people = [started("polite", port, first_tab + i, seconds) for i in range(visitors)]
+    took = [second for person in people for second in json.loads(person.communicate()[0] or "[]")]
+    for other in others:
+        other.kill()
+        other.communicate()
+    return took
+
+
+def main() -> None:
+    """Measure and write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--visitors", type=int, default=6)
+    parser.add_argument("--model", default="etnet-half")
+    parser.add_argument("--role", nargs="+")
+    told = parser.parse_args()
+    if told.role:
+        play(told.role[0], *map(float, told.role[1:]))
+        return
+
+    from app.config import ViewerConfig
+    from app.engine.requests import Ready
+    from app.main import Viewer
+    from app.web.bounded_log import bound_logs
+
+    bound_logs()
+    viewer = Viewer(ViewerConfig(port=0, model=told.model, threads=1))
+    frames: dict[tuple[str, str, object, int], set[str]] = {}
+    ask = viewer.engine.request
+
+    def request(visitor, wanted, deliver):
+        def heard(reply):
+            if isinstance(reply, Ready) and reply.is_exact and reply.request.is_original:
+                key = reply.request.recording_id, reply.request.model_id, reply.request.policy, reply.request.index
+                frames.setdefault(key, set()).add(hashlib.sha256(np.ascontiguousarray(reply.frame)).hexdigest())
+            deliver(reply)
+
+        ask(visitor, wanted, heard)
+
+    viewer.engine.request = request  # pyright: ignore[reportAttributeAccessIssue]
+    told_of("warming up")
+    drags(viewer.port, 1, 5, (), 1)
+    told_of("drags without hostile visitors")
+    alone = drags(viewer.port, told.visitors, told.seconds / 2, (), 10)
+    rest()
+    before = resident(), threading.active_count()
+    told_of("drags beside hostile visitors")
+    beside = drags(viewer.port, told.visitors, told.seconds, ("flooding", "babbling", "silent"), 50)
+    rest()
+    after = resident(), threading.active_count()
+    told_of("the sequential run")
+    different = compared(viewer, frames)
+    viewer.stop()
+    figures = {
+        "visitors": told.visitors, "seconds": told.seconds,
+        "drags alone": len(alone), "p90 alone, ms": p90(alone),
+        "drags beside three hostile": len(beside), "p90 beside, ms": p90(beside),
+        "slowest, ms": round(1e3 * max(beside)),
+        "MB before": round(before[0]), "MB after": round(after[0]),
+        "threads before": before[1], "threads after": after[1],
+        "exact frames compared": len(frames), "different": different,
+    }  # fmt: skip
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(figures, indent=1) + "\n")
+    print(json.dumps(figures, indent=1))
+
+
+def told_of(what: str) -> None:
+    """Where it is."""
+    print(f"{time.strftime('%H:%M:%S')} {what}", file=sys.stderr, flush=True)
+
+
+def p90(took: list[float]) -> int:
+    """Milliseconds."""
+    return round(1e3 * float(np.quantile(took, 0.9)))
+
+
+def rest() -> None:
+    """Until everybody's threads have ended and memory was swept."""
+    time.sleep(30)
+    gc.collect()
+
+
+def compared(viewer, frames) -> int:
+    """How many exact frames are not, bit for bit, those of the sequential run."""
+    from app.engine.playbacks import load_network
+    from etnet.reconstruction import reconstruct
+
+    different, runs = 0, {key[:3] for key in frames}
+    for recording_id, model_id, policy in runs:
+        model = load_network(viewer.catalogue.model(model_id), "fp32", "cpu")
+        for window, step in reconstruct(model, viewer.catalogue.open(recording_id), policy):
+            shown = frames.get((recording_id, model_id, policy, window.index), set())
+            truth = hashlib.sha256(np.ascontiguousarray(step.frame[0, 0].float().numpy())).hexdigest()
+            different += len(shown - {truth})
+    return different
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""A stranger's file is opened in a process of its own: its cost is limited, and what goes wrong is one sentence."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.catalogue import opening_apart
+from app.catalogue.opening_apart import open_apart
+from app.catalogue.recordings import Catalogue, Entry
+from app.config import ViewerConfig
+from etnet.errors import Cancelled, EtnetError
+from etnet.events.assumptions import NOTHING_ASSUMED
+from etnet.events.open import open_recording
+from etnet.events.write import write_recording
+from tests.app.stand_ins import recording
+
+LARGEST = 64 << 20
+
+
+def children():
+    """Processes that this one started and that still run."""
+    return Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
+
+
+def opened(path, **more):
+    shares = []
+    settings = {"progress": shares.append, "is_wanted": lambda: True, **more}
+    return *open_apart(path, NOTHING_ASSUMED, settings.pop("largest", LARGEST), **settings), shares
+
+
+def test_the_events_frames_and_remarks_are_the_files(tmp_path):
+    write_recording(recording(), tmp_path / "a.csv")
+    out, remarks, shares = opened(tmp_path / "a.csv")
+    with open_recording(tmp_path / "a.csv") as plain, open_recording(out) as apart:
+        there, here = plain.read(0, plain.num_events), apart.read(0, apart.num_events)
+        for column in "xytp":
+            assert np.array_equal(getattr(there, column), getattr(here, column))
+        assert set(map(str, plain.remarks)) <= set(map(str, remarks))
+    assert shares[-1] == 1
+
+
+def test_a_damaged_file_is_refused_as_everywhere_and_leaves_no_process(tmp_path):
+    (tmp_path / "a.csv").write_text("no events\n")
+    with pytest.raises(EtnetError, match=r"a\.csv") as refusal:
+        opened(tmp_path / "a.csv")
+    assert "\n" not in str(refusal.value)
+    assert children() == []
+
+
+@pytest.mark.parametrize(
+    ("child", "why"),
+    [
+        ("import os; os.abort()", "ended the process"),
+        ("import sys; sys.exit(3)", "ended the process"),
+        ("while True: pass", "more computing"),
+        ("x = bytearray(1 << 40)", "ended the process"),
+        ("print('{' * 90_000)\nprint('[1]')\nprint('{\"failed\": \"a.csv: no\"}')\nraise SystemExit(1)", "a.csv: no"),
+    ],
+)
+def test_a_crash_or_a_limit_is_one_sentence(tmp_path, monkeypatch, child, why):
+    head = "import json, sys; sys.path.insert(0, '')\nimport resource\ntold = json.loads(sys.stdin.readline())\n"
+    limits = (
+        "resource.setrlimit(resource.RLIMIT_CPU, (1, 2))\nresource.setrlimit(resource.RLIMIT_AS, (1 << 33, 1 << 33))\n"
+    )
+    (tmp_path / "child.py").write_text(f"{head}{limits}{child}\n")
+    (tmp_path / "a.csv").write_text("")
+    monkeypatch.setattr(opening_apart.opening_child, "__file__", str(tmp_path / "child.py"))
+    with pytest.raises(EtnetError, match=why):
+        opened(tmp_path / "a.csv")
+    assert children() == []
+
+
+def test_it_ends_with_its_visitor(tmp_path):
+    write_recording(recording(num_events=200_000), tmp_path / "a.csv")
+    began = time.monotonic()
+    with pytest.raises(Cancelled):
+        opened(tmp_path / "a.csv", is_wanted=lambda: time.monotonic() - began < 0.3)
+    assert time.monotonic() - began < 3
+    assert children() == []
+
+
+def test_what_unpacks_to_too_much_is_refused(tmp_path):
+    write_recording(recording(num_events=200_000), tmp_path / "a.csv")
+    with pytest.raises(EtnetError):
+        opened(tmp_path / "a.csv", largest=100_000)
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+def test_the_catalogue_opens_uploads_apart_where_others_come_in(tmp_path, is_open):
+    config = ViewerConfig(public_url="http://show.example", uploads=16) if is_open else ViewerConfig()
+    write_recording(recording(), tmp_path / "key.csv")
+    catalogue = Catalogue(config)
+    try:
+        catalogue.take_in(Entry("upload-1", "mine.csv", "upload", "", tmp_path / "key.csv"))
+        found = catalogue.open("upload-1")
+        assert found.name == "mine"
+        assert found.num_events == 6000
+        assert (tmp_path / "key.opened.h5").exists() == is_open
+        assert "key" not in " ".join(map(str, found.remarks))
+    finally:
+        catalogue.close()

@@ -1,0 +1,246 @@
+"""Hostile pages over the real server: each ends alone, with a code and one line; nobody else's page notices."""
+
+import asyncio
+import contextlib
+import logging
+import socket
+import time
+
+import msgspec
+import pytest
+import viser
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from app.web import guarding
+from app.web.bounded_log import BoundedHandler
+from tests.app.stand_ins import Browser, served
+from tests.app.web.fuzz_messages import CAMERA, frames
+
+PROTOCOL = f"viser-v{viser.__version__}"
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    with served() as running:
+        yield running
+
+
+def asked(port, request, host=None):
+    """What a raw request is answered, up to the end of the connection."""
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as link:
+        link.sendall(request.replace(b"HOST", f"127.0.0.1:{port}".encode()))
+        found = b""
+        with contextlib.suppress(ConnectionResetError):
+            while block := link.recv(65_536):
+                found += block
+        return found
+
+
+def status_of(answer):
+    return int(answer.split(b" ", 2)[1]) if answer else None
+
+
+async def end_of(port, *frames_, origin=None):
+    """The code by which a page is ended that sends these frames."""
+    async with connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], max_size=None, origin=origin) as page:
+        with contextlib.suppress(ConnectionClosed):
+            for frame in frames_:
+                await page.send(frame)
+            async with asyncio.timeout(5):
+                while True:
+                    await page.recv()
+        return page.close_code
+
+
+def test_what_viser_would_broadcast_ends_its_sender_and_reaches_nobody(viewer):
+    async def story():
+        async with Browser.open(viewer.port, tab=31) as other:
+            await other.until_shown("Reconstruction")
+            heard = len(other.arrivals)
+            dirty = msgspec.msgpack.encode({"type": "GuiFormDirtyMessage", "uuid": "x" * 200_000})
+            for _ in range(3):
+                assert await end_of(viewer.port, msgspec.msgpack.encode(CAMERA), dirty) == 1008
+            await asyncio.sleep(0.2)
+            assert "GuiFormDirtyMessage" not in {kind for _, kind, _ in other.arrivals[heard:]}
+            await other.use(other.widget("Window"), 3)
+            await other.until_shown("window 3 ")
+
+    asyncio.run(story())
+
+
+def test_a_page_that_does_not_say_where_it_looks_is_cut(viewer, monkeypatch):
+    monkeypatch.setattr(guarding, "SILENCE", 0.3)
+    began = time.monotonic()
+    assert asyncio.run(end_of(viewer.port)) == 1008
+    assert time.monotonic() - began < 4
+
+
+def test_an_address_has_a_limit_of_sockets(viewer, monkeypatch):
+    monkeypatch.setattr(guarding, "MOST_SOCKETS", 3)
+
+    async def story():
+        async with contextlib.AsyncExitStack() as stack:
+            for _ in range(3):
+                await stack.enter_async_context(connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL]))
+            with pytest.raises(InvalidStatus) as refusal:
+                await stack.enter_async_context(connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL]))
+            assert refusal.value.response.status_code == 429
+
+    asyncio.run(story())
+
+
+def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
+    async def story():
+        async with Browser.open(viewer.port, tab=33) as other, Browser.open(viewer.port, tab=34) as flood:
+            await other.until_shown("Reconstruction")
+            await flood.until_shown("Reconstruction")
+            slider = flood.widget("Window")
+
+            async def send():
+                with contextlib.suppress(ConnectionClosed):
+                    for i in range(20_000):
+                        await flood.use(slider, i % 29)
+
+            sending = asyncio.create_task(send())
+            took = []
+            for index in (4, 9, 14, 19, 24):
+                began = time.monotonic()
+                await other.use(other.widget("Window"), index)
+                await other.until_shown(f"window {index} ")
+                took.append(time.monotonic() - began)
+            sending.cancel()
+            assert sorted(took)[2] < 1.5
+
+    asyncio.run(story())
+
+
+def fuzz(viewer, count, seed):
+    """Frames at the real server, a new page after each that is cut off; records of warnings and worse."""
+    records = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = records.append
+    logging.getLogger().addHandler(handler)
+
+    async def story():
+        async with Browser.open(viewer.port, tab=32) as other:
+            await other.until_shown("Reconstruction")
+            uuids = tuple(other.widgets)[:40]
+            waiting = frames(count, seed, uuids)
+            left = count
+            while left > 0:
+                left -= await page(waiting)
+            await other.use(other.widget("Window"), 7)
+            await other.until_shown("window 7 ")
+
+    async def page(waiting):
+        num_sent = 0
+        with contextlib.suppress(ConnectionClosed, InvalidStatus):
+            async with Browser.open(viewer.port, tab=None) as hostile:
+                await hostile.until(lambda: len(hostile.widgets) > 20)
+                mine = tuple(hostile.widgets)
+                for frame in waiting:
+                    num_sent += 1
+                    if isinstance(frame, bytes) and b"GuiUpdateMessage" in frame and num_sent % 2:
+                        content = {"type": "GuiUpdateMessage", "uuid": mine[num_sent % len(mine)]}
+                        frame = msgspec.msgpack.encode({**content, "updates": {"value": num_sent}})
+                    await hostile._socket.send(frame)
+                    if num_sent % 5 == 0:
+                        await asyncio.sleep(0)
+                await asyncio.sleep(0.3)
+                return max(num_sent, 10**9)
+        return max(num_sent, 1)
+
+    try:
+        asyncio.run(story())
+    finally:
+        logging.getLogger().removeHandler(handler)
+    return records
+
+
+def test_hostile_frames_make_no_traceback_and_end_nobody_else(viewer):
+    records = fuzz(viewer, 300, seed=3)
+    assert [record.getMessage() for record in records if record.exc_info] == []
+
+
+@pytest.mark.slow
+def test_many_hostile_frames_make_no_traceback_and_end_nobody_else(viewer):
+    records = fuzz(viewer, 10_000, seed=4)
+    assert [record.getMessage() for record in records if record.exc_info] == []
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "HEAD", "OPTIONS", "DELETE"])
+def test_other_methods_are_405(viewer, method):
+    answer = asked(viewer.port, f"{method} / HTTP/1.1\r\nHost: HOST\r\n\r\n".encode())
+    assert status_of(answer) == 405
+    assert b"Allow: GET" in answer
+
+
+@pytest.mark.parametrize(
+    ("request_", "status"),
+    [
+        (b"GET //[ HTTP/1.1\r\nHost: HOST\r\n\r\n", 404),
+        (b"GET http://[ HTTP/1.1\r\nHost: HOST\r\n\r\n", 400),
+        (b"GET /" + b"a" * 7000 + b" HTTP/1.1\r\nHost: HOST\r\n\r\n", 404),
+        (b"GET /static/" + b"a" * 5000 + b" HTTP/1.1\r\nHost: HOST\r\n\r\n", 404),
+        (b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\nHost: HOST\r\n\r\n", 431),
+        (b"GET / HTTP/1.1\r\nHost: HOST\r\nHost: HOST\r\n\r\n", 400),
+        (b"GET / HTTP/1.1\r\nHost: HOST\r\nUpgrade: websocket\r\nUpgrade: websocket\r\n\r\n", 400),
+        (b"GET / HTTP/1.1\r\nHost: HOST\r\nAccept-Encoding: a\r\nAccept-Encoding: b\r\n\r\n", 404),
+        (b"GET / HTTP/1.0\r\nHost: HOST\r\n\r\n", 400),
+        (b"GET / HTTP/1.1\r\nHost: HOST\r\nbroken\r\n\r\n", 400),
+        (b"GET /%00 HTTP/1.1\r\nHost: HOST\r\n\r\n", 404),
+        (b"GET /\xff\xfe HTTP/1.1\r\nHost: HOST\r\n\r\n", 404),
+        (b"\x16\x03\x01\x02\x00\x01\x00", 400),
+        (b"GET / HTTP/1.1\r\n\r\n", 421),
+        (b"GET / HTTP/1.1\r\nHost: HOST.evil.example\r\n\r\n", 421),
+        (b"GET / HTTP/1.1\r\nHost: HOST, evil.example\r\n\r\n", 421),
+        (b"GET / HTTP/1.1\r\nHost: user@HOST\r\n\r\n", 421),
+        (b"GET / HTTP/1.1\r\nHost: evil.example\r\nX-Forwarded-Host: HOST\r\n\r\n", 421),
+    ],
+)
+def test_a_request_that_no_browser_sends_is_answered_with_a_4xx(viewer, request_, status):
+    assert status_of(asked(viewer.port, request_)) == status
+
+
+@pytest.mark.parametrize("path", ["/", "/healthz", "/static/logo.svg", "/none", "/static/none"])
+def test_every_answer_carries_its_headers_and_names_no_version(viewer, path):
+    answer = asked(viewer.port, f"GET {path} HTTP/1.1\r\nHost: HOST\r\n\r\n".encode()).split(b"\r\n\r\n")[0].lower()
+    for header in (
+        b"x-content-type-options: nosniff", b"referrer-policy: no-referrer", b"frame-ancestors 'self'",
+        b"cross-origin-opener-policy: same-origin",
+    ):  # fmt: skip
+        assert header in answer
+    assert b"server:" not in answer
+
+
+def test_a_port_check_prints_nothing_and_a_flood_of_errors_a_line_a_minute(viewer):
+    class Stream:
+        lines = ""
+
+        def write(self, text):
+            self.lines += text
+
+        def flush(self):
+            pass
+
+    stream, now = Stream(), [0.0]
+    handler = BoundedHandler(stream, lambda: now[0])
+    logging.getLogger().addHandler(handler)
+    try:
+        for _ in range(5):
+            socket.create_connection(("127.0.0.1", viewer.port)).close()
+        time.sleep(0.2)
+        assert stream.lines == ""
+        for second in range(120):
+            now[0] = float(second)
+            try:
+                raise KeyError("\ud800\n" * 300)
+            except KeyError:
+                logging.getLogger("app.x").exception("a callback failed")
+        assert len(stream.lines.splitlines()) == 2
+        assert max(map(len, stream.lines.splitlines())) < 600
+        assert "59 more" in stream.lines
+        assert "test_guarding.py:" in stream.lines
+    finally:
+        logging.getLogger().removeHandler(handler)

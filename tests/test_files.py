@@ -1,0 +1,95 @@
+"""Files that are written are whole or not there, and nothing is left beside them."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from etnet.errors import EtnetError
+from etnet.files import in_megabytes, printable, replacing, sweep_unfinished, write_atomically
+
+
+def test_a_file_takes_its_place_when_it_is_whole(tmp_path):
+    write_atomically(tmp_path / "a.txt", b"first")
+    with replacing(tmp_path / "a.txt", suffix=".txt") as beside:
+        beside.write_bytes(b"second")
+        assert (tmp_path / "a.txt").read_bytes() == b"first"
+        assert beside.suffix == ".txt"
+    assert (tmp_path / "a.txt").read_bytes() == b"second"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_after_an_error_the_former_file_stands_and_nothing_beside_it(tmp_path):
+    write_atomically(tmp_path / "a.txt", b"first")
+
+    def cut_off():
+        with replacing(tmp_path / "a.txt") as beside:
+            beside.write_bytes(b"half")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        cut_off()
+    assert (tmp_path / "a.txt").read_bytes() == b"first"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_folder_is_not_replaced(tmp_path):
+    (tmp_path / "a").mkdir()
+    with pytest.raises(EtnetError, match="no regular file"):
+        write_atomically(tmp_path / "a", b"")
+
+
+def test_what_a_killed_process_left_is_swept_and_what_a_living_one_writes_is_not(tmp_path):
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    left = tmp_path / f".a.npz.{int(ended.stdout)}.0123abcd.unfinished"
+    living = tmp_path / f".a.npz.{os.getpid()}.0123abcd.unfinished"
+    folder = left.with_name(f"{left.name}.rows")
+    for each in (left, living, tmp_path / "other.unfinished"):
+        each.write_bytes(b"half")
+    folder.mkdir()
+    (folder / "0.npy").write_bytes(b"half")
+    sweep_unfinished(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == sorted([living.name, "other.unfinished"])
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+import numpy as np
+from etnet.errors import EtnetError
+from etnet.export.arrays import _opened
+row = np.random.default_rng(0).normal(size=(100, 100)).astype(np.float32)
+try:
+    with _opened(Path(sys.argv[1]), 40, {}) as sink:
+        for _ in range(40):
+            sink("frames", row)
+except EtnetError as error:
+    print(error)
+    sys.exit(1)
+"""
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.npz"])
+def test_arrays_on_a_full_disk_are_one_line_and_exit_1_and_leave_nothing(tmp_path, name):
+    ended = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / name)], capture_output=True, text=True)
+    assert ended.returncode == 1, ended.stderr[-2000:]
+    assert ended.stdout.startswith(f"{name}: ")
+    assert len(ended.stdout.splitlines()) == 1
+    assert os.listdir(tmp_path) == []
+
+
+def test_names_that_are_not_utf_8_are_shown_escaped():
+    assert printable(Path(os.fsdecode(b"caf\xe9.raw"))) == "caf\\xe9.raw"
+    assert printable("\ud800x") == "\\ud800x"
+    assert printable("café.raw") == "café.raw"
+    printable("\ud800\udce9").encode()
+
+
+def test_sizes_are_in_megabytes_rounded_up():
+    assert in_megabytes(0) == "0 kB"
+    assert in_megabytes(1_240) == "1.3 kB"
+    assert in_megabytes(1_000_000) == "1 MB"
+    assert in_megabytes(256_000_001) == "256.1 MB"
