@@ -33,7 +33,7 @@ def _window(page):
 
 def test_live_left_for_the_past_asked_returned_to_recorded_and_opened(browser, live):
     viewer, folder = live
-    page = open_page(browser, viewer.url)
+    page = open_page(browser, viewer.url, patience=150_000)  # the network gets ready first
     page.get_by_test_id("is-live").wait_for()
     page.get_by_test_id("chip-live").first.get_by_text("behind").wait_for()
     page.get_by_test_id("chip-exact").first.wait_for()
