@@ -178,3 +178,8 @@ def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None]) -> None:
             return heard
 
         command.on_trigger(speak())  # pyright: ignore[reportArgumentType]
+
+
+def arrangement_of(state: ViewState) -> tuple[object, ...]:
+    """What of a state decides how the page is arranged."""
+    return state.workspace, state.tab, state.is_public

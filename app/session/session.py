@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 import viser
@@ -27,9 +27,9 @@ from app.session.booth import Booth, MirrorNews
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
-from app.session.layout import build_layout, watch_canvas
+from app.session.layout import arrangement_of, build_layout, watch_canvas
 from app.session.loader import RecordingLoader
-from app.session.messages import CanvasChanged, Closed, HandedOver, Item
+from app.session.messages import CanvasChanged, Closed, HandedOver, Item, letters
 from app.session.opening import Opened, Opening, Unopened
 from app.session.page import PageComposer
 from app.session.player import Player
@@ -113,7 +113,7 @@ class Session:
         self._showing = Visit(client, catalogue, default, views, self._booth)
         ticket = "" if desk is None else desk.ticket
         self._layout = build_layout(client, self._speak, views, self._showing.is_public, ticket)
-        self._arrange()
+        self._layout.arrange(self._state)
         watch_canvas(client, self._showing.hears, lambda: self._mail.put(CanvasChanged()))
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
@@ -150,7 +150,7 @@ class Session:
         began = time.monotonic()
         while not self._is_closed:
             try:
-                for item in self._letters(self._patience()):
+                for item in letters(self._mail, self._patience()):
                     self._take(item)
                 if not self._is_known and time.monotonic() - began > WAIT_FOR_HELLO:
                     self._is_known = True
@@ -162,15 +162,6 @@ class Session:
                     continue
                 self._notify("This could not be shown", in_words(error, self))
                 self._is_dirty = False
-
-    def _letters(self, patience: float) -> Iterator[Item]:
-        """Everything in the mailbox; waits up to `patience` seconds for the first."""
-        try:
-            yield self._mail.get(timeout=patience)
-            while True:
-                yield self._mail.get_nowait()
-        except Empty:
-            return
 
     def _patience(self) -> float:
         since = time.monotonic() - self._pushed_at
@@ -199,8 +190,7 @@ class Session:
                     self._open_handed(arrived)
             case MirrorNews():
                 self._answer(Touched())
-                for intent in self._booth.heard(item, self._default.recording_id):
-                    self._reduce(intent)
+                self._reduce(*self._booth.heard(item, self._default.recording_id))
             case RemoveFile(recording_id):
                 self._remove(recording_id)
             case Ready() | Working() | Failed():
@@ -220,10 +210,10 @@ class Session:
                 if trouble:
                     self._notify("Cannot be shown", trouble)
                     before = self._standing.returned(self._state, self._held.recording_id, trouble)
-                    if before is not None and not follows and self._moment() is None:
+                    if before is not None and not follows and self._held.moment(self._state) is None:
                         self._held.forget_refusal()
                         self._state = before
-                        self._arrange()
+                        self._layout.arrange(self._state)
                 for intent in follows:
                     self._reduce(intent)
             case _:
@@ -234,8 +224,7 @@ class Session:
                         view.perform(item, self._catalogue)
                     was_playing = self._state.is_playing
                     self._reduce(item)
-                    for intent in self._booth.goes_on(item, was_playing, self._state):
-                        self._reduce(intent)
+                    self._reduce(*self._booth.goes_on(item, was_playing, self._state))
         self._is_dirty = True
 
     def _open_handed(self, recording_id: str) -> None:
@@ -250,7 +239,7 @@ class Session:
             return
         shown = self._state
         self._state = replace(state, workspace=shown.workspace, tab=shown.tab, visit=shown.visit)
-        self._arrange()
+        self._layout.arrange(self._state)
 
     def _remove(self, recording_id: str) -> None:
         if self._desk is None:
@@ -261,13 +250,13 @@ class Session:
 
     def _lead(self) -> None:
         """Go on with the show, where the page is in public and nobody has touched it."""
-        is_up = self._moment() is not None and self._answers.shows(self._state)
+        is_up = self._held.moment(self._state) is not None and self._answers.shows(self._state)
         if (stretch := self._showing.lead(self._state, is_up)) is None:
             return
         if self._desk is not None:
             self._desk.clear()  # its owner has gone
         self._state, intents = stretch
-        self._arrange()
+        self._layout.arrange(self._state)
         for intent in intents:
             self._reduce(intent)
         self._is_dirty = True
@@ -283,7 +272,7 @@ class Session:
             return  # a slow page said hello when its visitor had begun: their view is the newer one
         self._is_known = True
         self._state = self._showing.restore(recalled, refused)
-        self._arrange()
+        self._layout.arrange(self._state)
 
     def _answer(self, letter: Shown) -> None:
         """Whatever a visitor does, the demo first hands over the page."""
@@ -293,18 +282,16 @@ class Session:
         if self._state is before:
             return
         self._has_asked = self._is_known = True
-        self._arrange()
-        if self._moment() is not None and self._state.policy is not None:
+        self._layout.arrange(self._state)
+        if self._held.moment(self._state) is not None and self._state.policy is not None:
             self._reduce(ask.Settle(self._state.policy))  # what the link names is open already
 
-    def _reduce(self, intent: Any) -> None:
+    def _reduce(self, *intents: Any) -> None:
         before = self._state
-        self._state = reduce_views(before, intent, self._held.limits(before), self._views)
-        if _arrangement(self._state) != _arrangement(before):
-            self._arrange()
-
-    def _arrange(self) -> None:
-        self._layout.arrange(self._state)
+        for intent in intents:
+            self._state = reduce_views(self._state, intent, self._held.limits(self._state), self._views)
+        if arrangement_of(self._state) != arrangement_of(before):
+            self._layout.arrange(self._state)
 
     def _advance(self) -> None:
         if not self._is_known:
@@ -358,7 +345,7 @@ class Session:
             self._cached = cached
 
     def _push(self) -> None:
-        moment, runs = self._moment(), ()
+        moment, runs = self._held.moment(self._state), ()
         if moment is not None:
             self._standing.note(self._state)
             runs = self._comparing.runs(self._state, compared_runs(self._state, self._views), moment, self._answers)
@@ -378,9 +365,6 @@ class Session:
         self._shown_index = self._state.index
         self._client.flush()
         self.drawn = time.monotonic(), page
-
-    def _moment(self) -> Moment | None:
-        return self._held.moment(self._state)
 
     def _ask(self, moment: Moment, runs: tuple[RunFrame, ...]) -> None:
         """The frame of the moment, those of the runs, and what the open views want computed."""
@@ -408,7 +392,3 @@ class Session:
 
     def _notify(self, title: str, body: str) -> None:
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)
-
-
-def _arrangement(state: ViewState) -> tuple[object, ...]:
-    return state.workspace, state.tab, state.is_public
