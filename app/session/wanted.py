@@ -24,7 +24,7 @@ def request_of(state: ViewState, policy: Policy, views: Sequence[View]) -> Frame
 
 
 def compared_runs(state: ViewState, views: Sequence[View]) -> tuple[Run, ...] | None:
-    """The runs that an open view shows beside the main one."""
+    """The runs that an open view compares, the main one first."""
     found = (view.runs(state) for view in open_views(state, views))
     return next((runs for runs in found if runs is not None), None)
 

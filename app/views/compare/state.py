@@ -24,8 +24,7 @@ MOST_RUNS = len(NAMES) - 1
 """Beside the main one."""
 AS_MAIN = "main"
 """The word of our own selects for "as run A"."""
-FILTERS: dict[str, Cleaning | None] = {
-    AS_MAIN: None,
+FILTERS: dict[str, Cleaning] = {
     "none": UNCLEANED,
     "hot": Cleaning(hot_pixels=True),
     "20ms": Cleaning(support_within=20_000),
@@ -156,7 +155,7 @@ def hear(words: str) -> Any:
         case "precision":
             return _changed(number, "precision", word)
         case "filter":
-            return ChangeRun(number, "cleaning", FILTERS[word]) if word in FILTERS else None
+            return _filtered(number, word)
         case "windows":
             return _windowed(number, word)
     return None
@@ -169,6 +168,14 @@ def _changed(number: int, name: Literal["model_id", "precision"], word: str) -> 
     if name == "precision":
         return ask.ChoosePrecision(precision[word]) if word in precision else None
     return ask.ChooseModel(word)
+
+
+def _filtered(number: int, word: str) -> Any:
+    if number and word == AS_MAIN:
+        return ChangeRun(number, "cleaning", None)
+    if word not in FILTERS:
+        return None
+    return ChangeRun(number, "cleaning", FILTERS[word]) if number else ask.ChooseCleaning(FILTERS[word])
 
 
 def _windowed(number: int, word: str) -> Any:

@@ -13,7 +13,7 @@ from app.views.compare.html.run import RunShown
 from app.views.compare.html.series import TITLES
 from app.views.compare.state import AS_MAIN, FILTERS, CompareState
 from app.views.page import Page
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
 from etnet.windows import Policy
 
 _KINDS = {
@@ -23,7 +23,6 @@ _KINDS = {
     "number of events": "events",
 }
 _FILTERS = {
-    AS_MAIN: "filter as A",
     "none": "no filter",
     "hot": "hot-pixel mask",
     "20ms": "activity filter 20 ms",
@@ -61,7 +60,11 @@ def _head(page: Page, run: RunShown, view: CompareState, num: int) -> str:
     header = f'<header>{tag}{_network(page, run)}<span class="etv-tools">{large_button(name)}{remove}</span></header>'
     made_by = _replayed(run) if view.replays else _windows(page, run) + _precision(page, run) + _cold(run)
     return section(
-        f"{name}.head", run.number, num, f'{header}<div class="etv-selects">{made_by}{_filter(run)}</div>', "etv-over"
+        f"{name}.head",
+        run.number,
+        num,
+        f'{header}<div class="etv-selects">{made_by}{_filter(page, run)}</div>',
+        "etv-over",
     )
 
 
@@ -102,17 +105,18 @@ def _precision(page: Page, run: RunShown) -> str:
     return select(f"Precision of run {run.name}", f"compare:precision:{run.number}", options, chosen)
 
 
-def _filter(run: RunShown) -> str:
-    if not run.number:
-        return ""
-    chosen = next((word for word, cleaning in FILTERS.items() if cleaning == run.run.cleaning), "")
-    options = _FILTERS if chosen else {"": _other(run.run.cleaning), **_FILTERS}
+def _filter(page: Page, run: RunShown) -> str:
+    cleaning = run.run.cleaning if run.number else page.state.cleaning
+    options = {AS_MAIN: "filter as A", **_FILTERS} if run.number else dict(_FILTERS)
+    chosen = AS_MAIN if cleaning is None else _word_of(cleaning)
+    if cleaning is not None and chosen not in options:
+        options[chosen] = f"filter {cleaning.text}"
     return select(f"Filter of run {run.name}", f"compare:filter:{run.number}", options, chosen)
 
 
-def _other(cleaning: Cleaning | None) -> str:
-    within = cleaning.support_within if cleaning else None
-    return f"activity filter {within / 1000:g} ms" if within else "own filter"
+def _word_of(cleaning: Cleaning) -> str:
+    """The word of a filter that is offered; its own text for another one."""
+    return next((word for word, offered_ in FILTERS.items() if offered_ == cleaning), cleaning.text)
 
 
 def _cold(run: RunShown) -> str:
