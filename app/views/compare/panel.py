@@ -12,7 +12,7 @@ from app.state import intents as ask
 from app.views.compare.html.heads import heads_html
 from app.views.compare.html.run import RunShown, runs_of
 from app.views.compare.html.scores import chart_html, chart_note, means_html, means_title
-from app.views.compare.html.series import TITLES, Series
+from app.views.compare.html.series import TITLES, Series, within
 from app.views.compare.html.side import pixel_html, protocol_html, runs_list_html, sight_html
 from app.views.compare.html.stage import pictures_html
 from app.views.compare.jobs.runs import scored, slot_of
@@ -59,8 +59,9 @@ class ComparePanel(Panel):
         self._pictures.show(pictures_html(moment, runs, view, page.state.query))
         title, note = f"{TITLES[view.measure]} over time", chart_note(view.measure)
         self._chart.show(_shelved("compare.chart", title, chart_html(moment, series, view), note))
+        counted = _counted(page, series)
         self._means.show(
-            _shelved("compare.means", means_title(series), means_html(moment, series, view), _NAMES[view.rule])
+            _shelved("compare.means", means_title(counted), means_html(moment, counted, view), _NAMES[view.rule])
         )
 
     def show_settings(self, page: Page) -> None:
@@ -71,7 +72,7 @@ class ComparePanel(Panel):
             return
         series = run_series(page)
         self._runs.show(runs_list_html(moment, series))
-        self._protocol.show(protocol_html(view, _stretch(moment, series) if view.replays else WHOLE))
+        self._protocol.show(protocol_html(view, _stretch(moment, series) if view.replays else _marked(page, moment)))
         assign(self._offset, view.offset / 1000)
         self._show.show(sight_html(view))
         self._pixel.show(pixel_html(moment, runs_of(page), page.state.query))
@@ -85,6 +86,22 @@ def _stretch(moment: Moment, series: list[Series]) -> str:
         return "the protocol’s"
     start = moment.recording.span.start
     return f"{seconds((policy.stamps[0] - start) / 1e6)} – {seconds((policy.stamps[-1] - start) / 1e6)}"
+
+
+def _marked(page: Page, moment: Moment) -> str:
+    """The stretch of the timeline that means are over."""
+    start, low, high = moment.recording.span.start, page.state.mark_a, page.state.mark_b
+    if low is None and high is None:
+        return WHOLE
+    ends = [f"{(stamp - start) / 1e6:.3f}" for stamp in (low or start, high or moment.recording.span.stop)]
+    return f"A–B of the timeline: {ends[0]} – {ends[1]} s"
+
+
+def _counted(page: Page, series: list[Series]) -> list[Series]:
+    """What means are over: the frames between the timeline's marks, or all that a protocol scores."""
+    if page.state.of(CompareState).replays:
+        return series
+    return [within(each, page.state.mark_a, page.state.mark_b) for each in series]
 
 
 def _scored_runs(page: Page) -> tuple[RunShown, ...]:

@@ -72,7 +72,7 @@ class RecordingPanel(Panel):
 
     def show(self, page: Page) -> None:
         """Draw what is known of the recording."""
-        body = _doctor(page) + _fitness(page) + networks_html(page.models, page.state.model_id)
+        body = _fitness(page) + _doctor(page) + networks_html(page.models, page.state.model_id)
         parts = f'<div class="etv-columns" data-testid="statistics">{body}</div>'
         self._statistics.show(card("recording", "Recording statistics", parts, {"recording": "stage"}))
 

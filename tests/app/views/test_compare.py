@@ -9,7 +9,7 @@ import pytest
 from app.engine.replayed import replayed_windows
 from app.session.runs import RunPlan, VisitorRuns
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
 from etnet.windows import BetweenFrames, ByDuration
 from tests.app.fakes import recording_of
 from tests.app.stand_ins import Browser, served

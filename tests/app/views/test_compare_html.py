@@ -14,7 +14,7 @@ from app.html.tones import Tones
 from app.state.run import Run
 from app.views.compare.html.run import RunShown, Truth
 from app.views.compare.html.scores import chart_html, curves_over, means_html, means_title, trace
-from app.views.compare.html.series import Series, common_keys, mean_over
+from app.views.compare.html.series import Series, common_keys, mean_over, within
 from app.views.compare.html.side import pixel_html
 from app.views.compare.html.stage import pictures_html
 from app.views.compare.state import CompareState
@@ -133,6 +133,13 @@ def test_means_are_over_the_frames_that_all_runs_have(moment):
     shown = {name: float(value) for name, value in re.findall(r'mean-(.)-lpips" data-value="([\d.]+)"', html)}
     assert shown == pytest.approx({"A": 0.35, "B": 0.7})
     assert re.search(r'mean-A-lpips"[^>]*et-best', html)
+
+
+def test_means_between_two_marks_are_over_the_frames_between_them(moment):
+    each = series(moment, 0, [0.1, 0.2, 0.3, 0.4])
+    between = within(each, int(each.stamps[1]), int(each.stamps[2]))
+    assert between.keys.tolist() == [2, 3]
+    assert mean_over(between, "lpips", common_keys([between])) == pytest.approx(0.25)
 
 
 def test_means_are_grey_until_nothing_more_comes(moment):

@@ -18,7 +18,7 @@ from app.views.recording.jobs.fitness import FitnessJob
 from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
 from etnet.evaluation.metrics import sharpness
 from etnet.evaluation.protocol import EVREAL, PAPER, PROTOCOLS, plan_protocol
-from etnet.events.denoise import Cleaning
+from etnet.events.cleaning import Cleaning
 from etnet.events.open import open_recording
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
