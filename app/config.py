@@ -92,7 +92,7 @@ class ViewerConfig:
     """Memory for frames and recurrent states of all visitors, in MB."""
     threads: int | None = None
     """Threads for the network; as many as torch likes by default. Frames are exact for one number of threads."""
-    roi: Annotated[str | None, tyro.conf.arg(metavar="X,Y,W,H")] = None
+    roi: Annotated[str | None, tyro.conf.arg(metavar="X,Y,W,H", aliases=["--region"])] = None
     """Show a region of the sensor only, in pixels."""
     downsample: Literal[1, 2, 4] | None = None
     """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""

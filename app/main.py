@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
@@ -37,6 +38,10 @@ if TYPE_CHECKING:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """`etnet-view`: serve until interrupted. 0 done, 1 a named failure, 2 usage."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if "--version" in arguments:
+        print(f"etnet-view {version('etnet')}")
+        return 0
     try:
         config = tyro.cli(ViewerConfig, prog="etnet-view", args=with_a_camera(arguments))
         viewer = Viewer(config)

@@ -11,6 +11,7 @@ from app.engine.requests import Precision
 from app.state.checks import number, passing, text, whole
 from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Sensor
+from etnet.stretch import windows_between
 from etnet.windows import Policy, Window
 
 Workspace = Literal["inspect", "attention", "compare", "recording", "demo"]
@@ -63,12 +64,10 @@ class Limits:
         """
         if not self.windows:
             return range(0)
-        ends = self.windows
-        first = 0 if begin is None else bisect.bisect_right(ends, begin, key=lambda window: window.t_stop)
-        stop = len(ends) if end is None else bisect.bisect_right(ends, end, key=lambda window: window.t_stop)
-        if first < stop:
-            return range(first, stop)
-        nearest = self.clamp_index(first) if end is None else self.index_at(end)
+        found = windows_between(self.windows, begin, end)
+        if found:
+            return found
+        nearest = self.clamp_index(found.start) if end is None else self.index_at(end)
         return range(nearest, nearest + 1)
 
     def window(self, index: int) -> Window | None:

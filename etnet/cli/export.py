@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,9 @@ from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, progress_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, WindowError
+from etnet.events.recording import Recording
+from etnet.stretch import windows_between
+from etnet.windows import Window
 
 if TYPE_CHECKING:
     from etnet.export.take import Progress, Take
@@ -37,7 +40,13 @@ class Source:
     windows: str | None = None
     """between-frames, count=10000, density=0.35 or duration=20ms[/5ms]; default: between frames, else density=0.35."""
     range: str | None = None
-    """Windows FROM:TO, TO left out; either may be omitted. Default: all."""
+    """Windows FROM:TO, numbered from 0, TO left out; either may be omitted. Default: all."""
+    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Seconds since the first event: windows that end after it. Default: the beginning."""
+    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Seconds since the first event: windows that end by then. Default: the end."""
+    overwrite: bool = False
+    """Replace what is there."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
@@ -55,6 +64,9 @@ class Pictures(Source):
     """Burn a line with seconds, window and events in, below the picture."""
     gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
     """Display gamma; default: what the model's card says (1 = as the network gives it)."""
+    tone: Literal["auto", "raw", "gamma", "robust", "hdr", "clahe"] = "auto"
+    """Tone mapping, as in the viewer. auto: the display gamma alone. raw: linear. robust: percentile 1–99 %."""
+    event_style: Literal["polarity", "count", "time surface", "decay"] = "polarity"
 
 
 @dataclass(frozen=True)
@@ -68,6 +80,8 @@ class Video(Pictures):
 
     speed: float = 1.0
     """As a share of real time: 0.1 is ten times slower."""
+    fps: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
+    """Frames a second; default: one frame a window where windows are even."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +90,8 @@ class Gif(Pictures):
 
     speed: float = 1.0
     """As a share of real time: 0.1 is ten times slower."""
+    fps: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None
+    """Frames a second, at most 50; default: one frame a window where windows are even."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +164,35 @@ def run(config: Any) -> int:
     """Do it; returns the exit code."""
     if isinstance(config, Onnx):
         return _write_onnx(config)
+    _check_out(config)
     config.out.resolve().parent.mkdir(parents=True, exist_ok=True)
     with _taken(config) as (take, policy), progress_callback("exporting") as progress:
         said = _write(config, take, policy, progress)
     console.print(f"wrote {config.out}: {said}", markup=False, soft_wrap=True)
     return 0
+
+
+def _check_out(config: Source) -> None:
+    """What is there stays, unless it may be replaced."""
+    out = config.out
+    is_there = any(out.iterdir()) if out.is_dir() else out.exists()
+    if is_there and not config.overwrite:
+        raise EtnetError(f"{out}: is there already; give another name, or --overwrite")
+
+
+def _range(config: Source, recording: Recording, windows: Sequence[Window]) -> tuple[int, int]:
+    """Windows start … stop − 1: by number, or by seconds."""
+    if config.begin is None and config.end is None:
+        return parse_range(config.range, len(windows))
+    if config.range is not None:
+        raise WindowError("--range counts windows, --from and --to seconds; give one of the two")
+    first = recording.span.start
+    begin = None if config.begin is None else first + round(config.begin * 1e6)
+    end = None if config.end is None else first + round(config.end * 1e6)
+    found = windows_between(windows, begin, end)
+    if not found:
+        raise WindowError(f"no window ends from {config.begin or 0:g} s to {config.end or 'the end'}; widen the range")
+    return found.start, found.stop
 
 
 def _write_onnx(config: Onnx) -> int:
@@ -203,7 +243,7 @@ def _taken(config: Source) -> Generator[tuple[Take, Policy]]:
         policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
         model = load_model(config.model, config.device, config.precision)
         windows = plan_windows(recording, policy)
-        start, stop = parse_range(config.range, len(windows))
+        start, stop = _range(config, recording, windows)
         yield Take(Playback(model, recording, windows, MEMORY), start, stop), policy
 
 
@@ -213,7 +253,9 @@ def _write(config: Source, take: Take, policy: Policy, progress: Progress) -> st
             from etnet.export.video import write_gif, write_video
 
             write = write_video if isinstance(config, Video) else write_gif
-            return f"{write(take, config.out, _look(config, take), config.speed, progress)} frames"
+            look = _look(config, take)
+            num = write(take, config.out, look, config.speed, progress, frames_per_second=config.fps)
+            return f"{num} frames"
         case Frames():
             from etnet.export.frames import write_frames
 
@@ -276,4 +318,4 @@ def _look(config: Pictures, take: Take):
     from etnet.export.pictures import Look, card_gamma
 
     gamma = config.gamma if config.gamma is not None else card_gamma(take.playback.model)
-    return Look(config.panels, gamma, config.scale, config.stamps)
+    return Look(config.panels, gamma, config.scale, config.stamps, config.tone, config.event_style)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from importlib import import_module
+from importlib.metadata import version
 from typing import Any
 
 import tyro
@@ -35,9 +37,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not arguments or arguments[0] in ("-h", "--help"):
         print(_help())
         return 0 if arguments else 2
+    if arguments[0] in ("--version", "-V"):
+        print(f"etnet {version('etnet')}")
+        return 0
     if arguments[0] not in _COMMANDS:
-        print(f"etnet: no command is called {arguments[0]!r}\n\n{_help()}", file=sys.stderr)
+        near = get_close_matches(arguments[0], _COMMANDS, 1)
+        hint = f"; did you mean {near[0]}?" if near else f"\n\n{_help()}"
+        print(f"etnet: no command is called {arguments[0]!r}{hint}", file=sys.stderr)
         return 2
+    arguments = one_vocabulary(arguments)
     module_name, class_name = _COMMANDS[arguments[0]]
     module = import_module(module_name)
 
@@ -48,6 +56,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return tyro.cli(getattr(module, class_name), prog=program, args=arguments[1:])
 
     return guarded(lambda: module.run(parsed()), "etnet")
+
+
+def one_vocabulary(arguments: Sequence[str]) -> list[str]:
+    """`--roi` is `--region`, and takes four numbers or one word: 40 20 240 180, or 40,20,240,180."""
+    plain: list[str] = []
+    for argument in arguments:
+        name, is_given, value = argument.partition("=")
+        if name in ("--roi", "--region"):
+            plain += ["--region", *(value.split(",") if is_given else [])]
+        elif plain and plain[-1] == "--region" and "," in argument:
+            plain += argument.split(",")
+        else:
+            plain.append(argument)
+    return plain
 
 
 def guarded(command: Callable[[], int], program: str) -> int:

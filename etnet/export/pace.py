@@ -26,14 +26,18 @@ class Pace:
     frames_per_second: float
 
 
-def pace_of(windows: Sequence[Window], speed: float = 1.0, fastest: float = FASTEST) -> Pace:
+def pace_of(
+    windows: Sequence[Window], speed: float = 1.0, fastest: float = FASTEST, frames_per_second: float | None = None
+) -> Pace:
     """Show `windows` at `speed` times real time, at most `fastest` frames a second.
 
-    Even windows are shown once each. Else a clock runs at a constant rate, and each tick shows the newest frame whose
-    stamp is not after it.
+    Even windows are shown once each, unless `frames_per_second` is given. Else a clock runs at a constant rate, and
+    each tick shows the newest frame whose stamp is not after it.
     """
     if not speed > 0:
         raise EtnetError(f"speed is {speed:g}; it takes a number above 0 (1 is real time, 0.1 ten times slower)")
+    if frames_per_second is not None and not SLOWEST <= frames_per_second <= fastest:
+        raise EtnetError(f"{frames_per_second:g} frames a second; it takes {SLOWEST:g} … {fastest:g}")
     if len(windows) < 2:
         return Pace((1,) * len(windows), 25.0)
     stamps = np.array([window.t_stop for window in windows], np.int64)
@@ -41,9 +45,9 @@ def pace_of(windows: Sequence[Window], speed: float = 1.0, fastest: float = FAST
     duration = max(int(stamps[-1] - stamps[0]), 1) / 1e6 / speed
     rate = (len(windows) - 1) / duration
     is_even = np.abs(gaps - gaps.mean()).max() <= EVENNESS * gaps.mean()
-    if is_even and SLOWEST <= rate <= fastest:
+    if frames_per_second is None and is_even and SLOWEST <= rate <= fastest:
         return Pace((1,) * len(windows), rate)
-    ticked = min(max(rate, RESAMPLED), fastest)
+    ticked = frames_per_second or min(max(rate, RESAMPLED), fastest)
     clock = stamps[0] + np.arange(round(duration * ticked) + 1) * (speed * 1e6 / ticked)
     shown = np.searchsorted(stamps, clock + 0.5, side="right") - 1
     return Pace(tuple(int(n) for n in np.bincount(shown, minlength=len(windows))), ticked)

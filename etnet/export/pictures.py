@@ -7,13 +7,14 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 
 from etnet.errors import EtnetError, RecordingError
 from etnet.export.images import to_uint8
 from etnet.export.take import Moment
 from etnet.render.colours import GROUND
-from etnet.render.events import event_image
+from etnet.render.events import EventStyle, event_image
+from etnet.render.tone import Tone, tone_map
 
 PanelName = Literal["events", "reconstruction", "camera"]
 GAP = 2
@@ -32,6 +33,9 @@ class Look:
     """Whole pixels on a pixel's side."""
     has_stamps: bool = False
     """A line below the picture: seconds, window, events."""
+    tone: Tone = "auto"
+    """How frames become grey levels; "auto" is the display gamma alone."""
+    event_style: EventStyle = "polarity"
 
     def __post_init__(self) -> None:
         if not self.panels:
@@ -71,19 +75,25 @@ def draw(moment: Moment, look: Look, num_windows: int) -> Picture:
 def _panel(moment: Moment, name: PanelName, look: Look) -> Picture:
     sensor = moment.recording.sensor
     if name == "events":
-        return event_image(moment.events, "polarity", moment.window.t_start, moment.window.t_stop)[0]
+        return event_image(moment.events, look.event_style, moment.window.t_start, moment.window.t_stop)[0]
     if name == "reconstruction":
-        grey = to_uint8(moment.frame, look.gamma)
+        grey = _grey(moment.frame, look)
     else:
         if moment.camera is None:
             raise RecordingError(
                 f"{moment.recording.name}: has no camera frames to show; leave the camera panel out, "
                 "or choose a recording with frames"
             )
-        grey = to_uint8(moment.camera, look.gamma)
+        grey = _grey(moment.camera, look)
         if grey.shape != (sensor.height, sensor.width):
             grey = cv2.resize(grey, (sensor.width, sensor.height), interpolation=cv2.INTER_AREA)
     return grey if look.is_grey else grey[..., None].repeat(3, axis=2)
+
+
+def _grey(frame: Float32[np.ndarray, "h w"], look: Look) -> UInt8[np.ndarray, "h w"]:
+    if look.tone == "auto":
+        return to_uint8(frame, look.gamma)
+    return tone_map(frame, look.tone, is_linear_light=look.gamma != 1.0)
 
 
 def _stamped(picture: Picture, moment: Moment, num_windows: int) -> Picture:

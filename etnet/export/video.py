@@ -40,9 +40,11 @@ def write_video(
     speed: float = 1.0,
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
+    frames_per_second: float | None = None,
 ) -> int:
     """The take as MP4 at `speed` times real time; returns the number of frames in the file."""
-    return _write(take, path, look, pace_of(take.windows, speed), video_writer, progress, is_cancelled)
+    pace = pace_of(take.windows, speed, frames_per_second=frames_per_second)
+    return _write(take, path, look, pace, video_writer, progress, is_cancelled)
 
 
 def write_gif(
@@ -52,9 +54,11 @@ def write_gif(
     speed: float = 1.0,
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
+    frames_per_second: float | None = None,
 ) -> int:
     """The take as a GIF that loops; at most 50 frames a second. Returns the number of frames in the file."""
-    return _write(take, path, look, pace_of(take.windows, speed, GIF_FASTEST), gif_writer, progress, is_cancelled)
+    pace = pace_of(take.windows, speed, GIF_FASTEST, frames_per_second)
+    return _write(take, path, look, pace, gif_writer, progress, is_cancelled)
 
 
 def video_writer(

@@ -11,6 +11,8 @@ from app.views.export.state import ExportFormat, StartExport, arrays_of
 from app.views.page import Page
 from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import View
+from etnet.render.events import EventStyle
+from etnet.render.tone import Tone
 from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
 _KINDS: dict[ExportFormat, str] = {
@@ -40,7 +42,13 @@ def command_line_of(page: Page) -> CommandLine | None:
 
 
 def export_command(
-    wanted: StartExport, moment: Moment, line: CommandLine, query: tuple[int, int] | None, out: str
+    wanted: StartExport,
+    moment: Moment,
+    line: CommandLine,
+    query: tuple[int, int] | None,
+    out: str,
+    tone: Tone = "auto",
+    style: EventStyle = "polarity",
 ) -> str:
     """`etnet export …`, typed where the recording lies, for the windows, network and look that the page would use."""
     words = ["etnet", "export", _KINDS[wanted.format], _as_operand(line.file), "-o", out, "--model", line.model]
@@ -50,7 +58,7 @@ def export_command(
     if (opened := moment.recording.opened_as) is not None:
         words += [*_statement(opened.assumed), *_view(opened.view)]
     words += [] if moment.cleaning.changes_nothing else ["--filter", moment.cleaning.text]
-    words += _look(wanted, query)
+    words += _look(wanted, query, tone, style)
     return shlex.join(words)
 
 
@@ -73,6 +81,10 @@ def policy_text(policy: Policy) -> str:
             return "stamps"
 
 
+def _seconds(microseconds: int) -> str:
+    return f"{microseconds / 1e6:.6f}".rstrip("0").rstrip(".")
+
+
 def _time(microseconds: int) -> str:
     return f"{microseconds // 1000}ms" if microseconds % 1000 == 0 else f"{microseconds}us"
 
@@ -86,18 +98,29 @@ def _range(wanted: StartExport, moment: Moment) -> list[str]:
         return ["--range", f"{moment.index}:{moment.index + 1}"]
     if wanted.first is None and wanted.last is None:
         return []
-    first = wanted.first or 0
-    stop = "" if wanted.last is None else max(wanted.last, first) + 1
-    return ["--range", f"{first}:{stop}"]
+    start, windows = moment.recording.span.start, moment.windows
+    first = windows[wanted.first or 0].t_start
+    words = ["--from", _seconds(first - start)] if wanted.first else []
+    if wanted.last is not None and wanted.last < len(windows) - 1:
+        words += ["--to", _seconds(windows[max(wanted.last, wanted.first or 0)].t_stop - start)]
+    return words
 
 
-def _look(wanted: StartExport, query: tuple[int, int] | None) -> Iterator[str]:
+def _look(wanted: StartExport, query: tuple[int, int] | None, tone: Tone, style: EventStyle) -> Iterator[str]:
     if wanted.format in ("mp4", "gif", "png"):
         yield from ("--panels", *wanted.panels)
         if wanted.has_stamps:
             yield "--stamps"
+        if wanted.scale > 1:
+            yield from ("--scale", str(wanted.scale))
+        if tone != "auto":
+            yield from ("--tone", tone)
+        if style != "polarity" and "events" in wanted.panels:
+            yield from ("--event-style", style)
     if wanted.format in ("mp4", "gif"):
         yield from ("--speed", f"{wanted.speed:g}")
+        if wanted.fps is not None:
+            yield from ("--fps", f"{wanted.fps:g}")
     if wanted.format in ("npz", "h5"):
         names = arrays_of(wanted, query)
         yield from ("--what", *names)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -24,7 +24,10 @@ from app.engine.jobs import Job
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest, Ready
 from app.state.view_state import ViewState
+from app.views.events.state import EventsState
 from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order, arrays_of
+from app.views.inspect.state import NO_CHANGE, InspectState, changed_request
+from app.views.reconstruction.state import ReconstructionState
 from etnet.errors import Cancelled, EtnetError
 from etnet.nets.intervention import Intervention
 
@@ -96,16 +99,19 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
     from etnet.export.video import write_gif, write_video
 
     wanted, gamma = order.wanted, card_gamma(take.playback.model)
-    look = Look(wanted.panels, gamma, 1, wanted.has_stamps)
+    look = Look(wanted.panels, gamma, wanted.scale, wanted.has_stamps)
+    if order.view is not None:
+        tone, style = order.view.of(ReconstructionState).tone, order.view.of(EventsState).event_image
+        look = replace(look, tone=tone, event_style=style)
     match wanted.format:
         case "mp4":
-            write_video(take, path, look, wanted.speed, progress, is_cancelled)
+            write_video(take, path, look, wanted.speed, progress, is_cancelled, wanted.fps)
         case "gif":
-            write_gif(take, path, look, wanted.speed, progress, is_cancelled)
+            write_gif(take, path, look, wanted.speed, progress, is_cancelled, wanted.fps)
         case "png":
             from etnet.export.images import write_png
 
-            if order.view is not None:
+            if order.view is not None and wanted.sheet != "panels":
                 write_png(path, _sheet(order, order.view, take))
                 return
             moment = next(take.moments(progress=progress, is_cancelled=is_cancelled))
@@ -140,7 +146,6 @@ def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 
     """What the page shows of the moment, drawn as it draws it, of the network and the events unchanged."""
     from app.html.moment import Moment
     from app.views.attention.state import look_in
-    from app.views.events.state import EventsState
     from app.views.export.sheet import sheet_picture
     from app.views.reconstruction.state import tones_in
     from etnet.nets.attention import AttentionProbe
@@ -182,7 +187,9 @@ def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Write
 class _Relay:
     """A playback as a writer's thread sees it: its steps are made on the engine's thread, one at a time."""
 
-    def __init__(self, playback: Playback) -> None:
+    def __init__(self, playback: Playback, loaded: LoadedPlayback | None = None, order: Order | None = None) -> None:
+        """With an `order` its steps have what was changed in the network and the events, as the page shows it."""
+        self._loaded, self._order = loaded, order
         self.recording, self.windows, self.model = playback.recording, playback.windows, playback.model
         self._playback = playback
         self._asked: SimpleQueue[tuple[int, Any]] = SimpleQueue()
@@ -214,13 +221,20 @@ class _Relay:
                 return
         index, probe = self._open
         try:
-            answer = self._playback.at(index, probe, cancelled=cancelled)
+            answer = self._step(index, probe, cancelled)
         except Cancelled:
             raise
         except Exception as error:
             answer = error
         self._open = None
         self._answers.put(answer)
+
+    def _step(self, index: int, probe: Any, cancelled: Callable[[], bool]) -> Any:
+        if self._loaded is None or self._order is None:
+            return self._playback.at(index, probe, cancelled=cancelled)
+        asked = replace(ExportJob(self._order).request, index=index)
+        playback, intervention = self._loaded.playing(changed_request(InspectState(change=self._order.change), asked))
+        return playback.at(index, probe, intervention, cancelled)
 
     def give_up(self) -> None:
         """Let a writer that waits go."""
@@ -242,7 +256,10 @@ def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
             f"{last - first + 1:,} windows are more than a page takes away ({MOST_WINDOWS:,}); "
             "choose a range, or use `etnet export`"
         )
-    return Take(cast("Playback", _Relay(loaded.playback)), first, last + 1)
+    # A session says itself what was changed, and carries it in a branch of its own.
+    is_changed = wanted.format != "session" and order.change != NO_CHANGE
+    relay = _Relay(loaded.playback, loaded, order) if is_changed else _Relay(loaded.playback)
+    return Take(cast("Playback", relay), first, last + 1)
 
 
 def file_name(name: str, format: ExportFormat) -> str:

@@ -10,10 +10,12 @@ import viser
 from app.engine.downloads import plain_name
 from app.html.choices import SPEEDS
 from app.state.intents import FormChanged
+from app.state.view_state import Limits
 from app.views.export.command import command_line_of, export_command
 from app.views.export.jobs import file_name
 from app.views.export.state import (
     EXPORT_SLOT,
+    RANGED,
     ArrayName,
     DropExport,
     ExportFormat,
@@ -21,10 +23,11 @@ from app.views.export.state import (
     Panels,
     Sheet,
     StartExport,
+    order_of,
 )
-from app.views.inspect.state import Change, InspectState
+from app.views.inspect.state import InspectState
 from app.views.page import Page
-from app.views.panel import Dispatch, Html, Panel, assign, on_press, on_visitor, seconds_since_touched
+from app.views.panel import Dispatch, Html, Panel, on_press, on_visitor
 
 FORMATS: dict[str, ExportFormat] = {
     "Video (MP4)": "mp4",
@@ -46,7 +49,9 @@ SHEETS: dict[str, Sheet] = {
     "attention maps of the pixel": "attention",
     "the whole layout": "layout",
 }
-MOVING, RANGED = ("mp4", "gif"), ("mp4", "gif", "page", "npz", "h5", "csv", "session")
+SCALES: dict[str, int] = {"1×": 1, "2×": 2, "3×": 3, "4×": 4}
+RATES: dict[str, float | None] = {"as the windows come": None, "25": 25.0, "30": 30.0, "50": 50.0}
+MOVING = ("mp4", "gif")
 NUMBERS = ("npz", "h5")
 ARRAYS: dict[ArrayName, str] = {
     "frames": "Frames",
@@ -73,15 +78,15 @@ class ExportPanel(Panel):
         self._arrays: dict[ArrayName, viser.GuiCheckboxHandle] = {
             name: gui.add_checkbox(words, name in usual, visible=False) for name, words in ARRAYS.items()
         }
-        self._takes_range = gui.add_checkbox("Limit range", False)
-        self._first = gui.add_number("From window", 0, min=0, step=1, visible=False)
-        self._last = gui.add_number("To window", 0, min=0, step=1, visible=False)
+        self._scale = gui.add_dropdown("Scale", tuple(SCALES))
+        self._fps = gui.add_dropdown("Frames a second", tuple(RATES))
+        self._range = Html(gui)
         self._make = gui.add_button("Export", icon=viser.Icon.DOWNLOAD)
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._news = Html(gui)
         on_press(self._cancel, DropExport(), dispatch)
-        shaping = (self._format, self._panels, self._picture, self._speed, self._has_stamps)
-        for handle in (*shaping, *self._arrays.values(), self._takes_range, self._first, self._last):
+        shaping = (self._format, self._panels, self._picture, self._speed, self._has_stamps, self._scale, self._fps)
+        for handle in (*shaping, *self._arrays.values()):
             on_visitor(handle, lambda _: FormChanged(), dispatch)
 
         @self._make.on_click
@@ -92,7 +97,7 @@ class ExportPanel(Panel):
     def show_settings(self, page: Page) -> None:
         """Offer what suits the choice, and say how far it has come."""
         format = FORMATS.get(self._format.value, "mp4")
-        takes_range = format in RANGED and self._takes_range.value
+        is_drawn = format in MOVING or (format == "png" and self._picture.value not in SHEETS)
         is_busy = page.state.of(ExportState).order is not None
         result = page.results.get(EXPORT_SLOT)
         is_made = is_busy and (result is None or not result.trouble)
@@ -100,23 +105,16 @@ class ExportPanel(Panel):
             (self._panels, format in MOVING),
             (self._picture, format == "png"),
             (self._speed, format in MOVING),
-            (self._has_stamps, format in MOVING or (format == "png" and self._picture.value not in SHEETS)),
+            (self._fps, format in MOVING),
+            (self._scale, is_drawn),
+            (self._has_stamps, is_drawn),
             *((handle, self._offers(name, format, page)) for name, handle in self._arrays.items()),
-            (self._takes_range, format in RANGED),
-            (self._first, takes_range),
-            (self._last, takes_range),
             (self._make, not is_made),
             (self._cancel, is_made),
         ):
             if handle.visible != is_shown:
                 handle.visible = is_shown
-        if page.moment is not None:
-            last = max(len(page.moment.windows) - 1, 0)
-            if self._last.max != last:
-                self._first.max = self._last.max = last
-                assign(self._last, last)
-                if seconds_since_touched(self._first) > 0.4:
-                    self._first.value = 0
+        self._range.show(_range_html(page) if format in RANGED else "")
         wanted = self._chosen()
         self._news.show(_news(page, is_made, wanted) or ("" if wanted is None else _told(page, wanted)))
 
@@ -134,10 +132,10 @@ class ExportPanel(Panel):
         panels, speed = PANELS.get(chosen), SPEEDS.get(self._speed.value)
         if format is None or panels is None or speed is None:
             return None  # no page of ours sends another word
-        takes_range = format in RANGED and self._takes_range.value
-        first, last = (int(self._first.value), int(self._last.value)) if takes_range else (None, None)
+        scale, fps = SCALES.get(self._scale.value, 1), RATES.get(self._fps.value)
         arrays: tuple[ArrayName, ...] = tuple(name for name, handle in self._arrays.items() if handle.value)
-        return StartExport(format, first, last, panels, speed, bool(self._has_stamps.value), arrays, sheet)
+        stamps = bool(self._has_stamps.value)
+        return StartExport(format, None, None, panels, speed, stamps, scale, fps, arrays, sheet)
 
 
 def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
@@ -160,11 +158,31 @@ def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
     if wanted is not None and wanted.format == "session" and change.run_from is not None:
         words = f"It holds what is changed in the network, from window {change.run_from} on."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
-    if change != Change():
-        return (
-            '<div class="et"><div class="et-note">What is made is of the network and the events unchanged.</div></div>'
-        )
     return ""
+
+
+def _ranged(page: Page, wanted: StartExport) -> StartExport:
+    """With the windows between the page's marks."""
+    moment = page.moment
+    if moment is None:
+        return wanted
+    order = order_of(page.state, wanted, Limits(moment.recording.sensor, moment.windows, moment.recording.span.start))
+    return wanted if order is None else order.wanted
+
+
+def _range_html(page: Page) -> str:
+    """The stretch that is exported: between the timeline's marks."""
+    moment, state = page.moment, page.state
+    if moment is None:
+        return ""
+    words = "all windows; mark A and B on the timeline to export what lies between"
+    if state.mark_a is not None or state.mark_b is not None:
+        limits = Limits(moment.recording.sensor, moment.windows, moment.recording.span.start)
+        stretch = limits.stretch(state.mark_a, state.mark_b)
+        start = moment.recording.span.start
+        begin, end = moment.windows[stretch[0]].t_start - start, moment.windows[stretch[-1]].t_stop - start
+        words = f"{begin / 1e6:.3f} – {end / 1e6:.3f} s (A–B), windows {stretch[0]} – {stretch[-1]}"
+    return f'<div class="et"><div class="et-note" data-testid="export-range">Range: {words}</div></div>'
 
 
 def _told(page: Page, wanted: StartExport) -> str:
@@ -178,9 +196,13 @@ def _told(page: Page, wanted: StartExport) -> str:
         return f'<div class="et"><div class="et-note">{words}</div></div>'
     name = moment.recording.name
     out = f"{plain_name(name)}_frames" if wanted.format == "png" else file_name(name, wanted.format)
-    command = export_command(wanted, moment, line, page.state.query, out)
+    tone, style = page.state.of(ReconstructionState).tone, page.state.of(EventsState).event_image
+    command = export_command(_ranged(page, wanted), moment, line, page.state.query, out, tone, style)
+    words = "This makes the same, of any size:"
+    if not page.state.of(InspectState).change.is_nothing:
+        words = "It has what is changed in the network; this makes the same without the change:"
     return (
-        '<div class="et"><div class="et-note">The browser saves it. This makes the same, of any size:</div>'
+        f'<div class="et"><div class="et-note">The browser saves it. {words}</div>'
         f'<code class="etv-command" data-testid="command">{_unbroken(command)}</code></div>'
     )
 

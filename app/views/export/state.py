@@ -8,16 +8,20 @@ from typing import Any, ClassVar, Literal
 from app.engine.downloads import Downloaded
 from app.engine.requests import Precision
 from app.state.checks import passing
-from app.state.view_state import ViewState
+from app.state.view_state import Limits, ViewState
 from app.views.inspect.state import NO_CHANGE, Change, InspectState
 from app.views.view import Here
 from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.windows import Policy
 
+NOTHING_KNOWN = Limits()
 EXPORT_SLOT = "export.file"
 ExportFormat = Literal["mp4", "gif", "png", "npz", "h5", "csv", "page", "session"]
 ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
 """Those of `etnet.export.arrays`, which needs torch."""
+DRAWN: tuple[ExportFormat, ...] = ("mp4", "gif", "png")
+RANGED: tuple[ExportFormat, ...] = ("mp4", "gif", "page", "npz", "h5", "csv", "session")
+"""What is made of the stretch between the marks."""
 Sheet = Literal["panels", "voxels", "attention", "layout"]
 """What a picture of the moment shows: panels side by side, as in a video, or what else stands in the page."""
 Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
@@ -38,6 +42,10 @@ class StartExport:
     panels: Panels = ("reconstruction",)
     speed: float = 0.1
     has_stamps: bool = False
+    scale: int = 1
+    """Whole pixels on a pixel's side."""
+    fps: float | None = None
+    """Frames a second; `None` shows each window once where windows are even."""
     arrays: tuple[ArrayName, ...] = ("frames", "voxels", "attention")
     """Attention is that of the chosen pixel, and left out while there is none."""
     sheet: Sheet = "panels"
@@ -64,7 +72,7 @@ class Order:
     """What was done to the network on purpose; a session holds it, if a run can (`Change.run_from`)."""
     cleaning: Cleaning = UNCLEANED
     view: ViewState | None = None
-    """How things were shown, for a sheet; `None` for all that does not depend on it."""
+    """How things were shown, for what is drawn; `None` for all that does not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +87,7 @@ def reduce_export(slice_: ExportState, intent: Any, here: Here) -> ExportState:
     """In public nothing is handed out."""
     match intent:
         case StartExport():
-            return slice_ if here.state.is_public else replace(slice_, order=order_of(here.state, intent))
+            return slice_ if here.state.is_public else replace(slice_, order=order_of(here.state, intent, here.limits))
         case DropExport():
             return replace(slice_, order=None)
         case Downloaded(slot) if slot == EXPORT_SLOT:
@@ -87,12 +95,17 @@ def reduce_export(slice_: ExportState, intent: Any, here: Here) -> ExportState:
     return slice_
 
 
-def order_of(state: ViewState, wanted: StartExport) -> Order | None:
+def order_of(state: ViewState, wanted: StartExport, limits: Limits = NOTHING_KNOWN) -> Order | None:
     """The order for what a page shows; `None` before its windows are known."""
     if state.policy is None:
         return None
+    is_marked = state.mark_a is not None or state.mark_b is not None
+    if is_marked and limits.windows and wanted.format in RANGED and wanted.first is wanted.last is None:
+        stretch = limits.stretch(state.mark_a, state.mark_b)
+        wanted = replace(wanted, first=stretch[0], last=stretch[-1])
     is_sheet = wanted.format == "png" and wanted.sheet != "panels"
-    view = replace(state.put(ExportState()), is_playing=False) if is_sheet else None
+    is_drawn = wanted.format in DRAWN or is_sheet
+    view = replace(state.put(ExportState()), is_playing=False) if is_drawn else None
     of = state.recording_id, state.model_id, state.precision, state.policy, state.index
     return Order(wanted, *of, state.query, state.of(InspectState).change, state.cleaning, view)
 
