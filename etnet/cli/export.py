@@ -180,7 +180,7 @@ def _check_out(config: Source) -> None:
         raise EtnetError(f"{out}: is there already; give another name, or --overwrite")
 
 
-def _range(config: Source, recording: Recording, windows: Sequence[Window]) -> tuple[int, int]:
+def chosen_range(config: Source, recording: Recording, windows: Sequence[Window]) -> tuple[int, int]:
     """Windows start … stop − 1: by number, or by seconds."""
     if config.begin is None and config.end is None:
         return parse_range(config.range, len(windows))
@@ -243,7 +243,7 @@ def _taken(config: Source) -> Generator[tuple[Take, Policy]]:
         policy = default_policy(recording) if config.windows is None else parse_policy(config.windows)
         model = load_model(config.model, config.device, config.precision)
         windows = plan_windows(recording, policy)
-        start, stop = _range(config, recording, windows)
+        start, stop = chosen_range(config, recording, windows)
         yield Take(Playback(model, recording, windows, MEMORY), start, stop), policy
 
 

@@ -10,7 +10,7 @@ import tyro
 from app.html.moment import Moment
 from app.views.export.command import CommandLine, export_command, policy_text
 from app.views.export.state import StartExport
-from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, parse_range
+from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, chosen_range, parse_range
 from etnet.cli.policy import parse_policy
 from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import OpenedAs, View
@@ -45,7 +45,8 @@ def test_everything_chosen_is_in_the_command(format, kind):
     assert (got.file, got.model, got.precision) == (Path("it's mine.h5"), "etnet-half", "bf16")
     assert (got.panels, got.speed, got.stamps) == (panels, 0.25, True)
     assert parse_policy(got.windows) == ByDuration(40_000)
-    assert parse_range(got.range, NUM_WINDOWS) == (1, 4)
+    whole = moment()
+    assert chosen_range(got, whole.recording, whole.windows) == (1, 4)
     plain = parsed(StartExport(format), moment())
     assert not plain.stamps
     assert parse_range(plain.range, NUM_WINDOWS) == (0, NUM_WINDOWS)
