@@ -11,6 +11,7 @@ from app.engine.downloads import plain_name
 from app.html.choices import SPEEDS
 from app.state.intents import FormChanged
 from app.state.view_state import Limits
+from app.views.events.state import EventsState
 from app.views.export.command import command_line_of, export_command
 from app.views.export.jobs import file_name
 from app.views.export.state import (
@@ -28,6 +29,7 @@ from app.views.export.state import (
 from app.views.inspect.state import InspectState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, on_press, on_visitor
+from app.views.reconstruction.state import ReconstructionState
 
 FORMATS: dict[str, ExportFormat] = {
     "Video (MP4)": "mp4",
