@@ -37,8 +37,8 @@ def test_reconstruction_shows_the_frame_and_what_may_be_claimed_of_it(ready):
     assert "exact" in page.text
     assert len(page.by_testid("chip-exact")) == 1
     cross = page.by_testid("query")[0]["style"]
-    assert f"left:{10.5 / 50:.2%}" in cross
-    assert f"top:{5.5 / 37:.2%}" in cross
+    assert f"--u:{10.5 / 50:.4f}" in cross
+    assert f"--v:{5.5 / 37:.4f}" in cross
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def test_the_query_is_marked_on_every_map_at_its_token(ready, page_of):
     row, column = divmod(grid.token_at(*QUERY), grid.columns)
     assert len(marks) == len(ready.attention.sites)
     assert {m["style"] for m in marks} == {
-        f"left:{(column + 0.5) / grid.columns:.2%};top:{(row + 0.5) / grid.rows:.2%}"
+        f"--u:{(column + 0.5) / grid.columns:.4f};--v:{(row + 0.5) / grid.rows:.4f}"
     }
 
 
