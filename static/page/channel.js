@@ -239,6 +239,14 @@
     if (event.key === "Enter" && event.target.matches?.("[role=combobox], [aria-haspopup=listbox]")) setTimeout(giveBack, 60);
   });
 
+  // On a narrow window viser folds every panel and makes what is folded deaf to fingers. The style sheet shows it all.
+  const unfold = () => {
+    for (const folded of document.querySelectorAll("[inert]:is(:has(.etv-page-mark), :has(.etv-strip))")) {
+      folded.inert = false;
+      folded.removeAttribute("aria-hidden");
+    }
+  };
+
   // viser's canvas lies over the slot of its card, wherever that stands and as long as it can be seen.
   let placed = "";
   const place = () => {
@@ -254,7 +262,7 @@
     }
     window.dispatchEvent(new Event("resize")); // viser measures its canvas then
   };
-  setInterval(place, 100);
+  setInterval(() => (unfold(), place()), 100);
   let waiting = 0;
   window.addEventListener("resize", () => {
     clearTimeout(waiting);

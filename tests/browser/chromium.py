@@ -1,6 +1,7 @@
 """A headless Chromium with software WebGL, and how to tell that a page of the viewer is there."""
 
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,10 @@ FLAGS = [
     "--use-fake-device-for-media-stream",
     "--use-fake-ui-for-media-stream",
 ]
+WORKSPACES = ("inspect", "attention", "compare", "recording", "demo")
+"""In the order of the keys 1 … 5."""
+PLAY, PAUSE = re.compile("^Play( |$)"), re.compile("^Pause( |$)")
+"""Names of the button that plays."""
 PATIENCE = 60_000
 """Milliseconds: two cores render the page, run the network and draw the scene in software."""
 
@@ -63,6 +68,7 @@ def open_page(browser, url, width=1280, height=720, context=None, patience=PATIE
         context.add_init_script("localStorage.setItem('etnet-tour', 'seen')")
     page = context.new_page()
     page.set_default_timeout(patience)
+    page.patience = patience
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
     page.goto(f"{url}{'&' if '?' in url else '/?'}fixedDpr=1")
@@ -74,6 +80,24 @@ def open_page(browser, url, width=1280, height=720, context=None, patience=PATIE
 def dismiss_notices(page):
     """Close notices: viser says that WebGL is software here."""
     page.evaluate("() => document.querySelectorAll('.mantine-Notification-closeButton').forEach(x => x.click())")
+
+
+def open_workspace(page, name):
+    """Go to a workspace by its key, and wait until the page is there."""
+    page.locator("body").press(str(WORKSPACES.index(name) + 1))
+    page.locator(f"[data-etv-workspace={name}]").wait_for(state="attached")
+
+
+def open_tab(page, name):
+    """Open a tab of the inspector column."""
+    tab = page.locator(f".etv-tabs [data-k='tab:{name}']")
+    tab.click()
+    page.locator(f".etv-tabs [data-k='tab:{name}'][aria-pressed=true]").wait_for()
+
+
+def press(page, key):
+    """Click what sends `key` (`data-k`)."""
+    page.locator(f"[data-k='{key}']:visible").first.click()
 
 
 def until_window(page, index):

@@ -1,11 +1,16 @@
-"""One browser and one viewer for all browser tests: the default network on a small region of a bundled recording."""
+"""One browser and one viewer for all browser tests: the default network on a small region of a bundled recording.
+
+A page of the viewer takes seconds to come up, so the tests of one file share one, and each begins at its first window.
+"""
 
 import pytest
+from playwright.sync_api import Error as BrowserError
 
-from tests.browser.chromium import chromium, open_page, require_browser
+from tests.browser.chromium import chromium, open_page, open_workspace, require_browser
 
 ROI = (86, 60, 60, 44)
 """x, y, width, height: no multiple of 8, so that the outer tokens lie half on padding."""
+SIZE = (1280, 720)
 
 
 def pytest_collection_modifyitems(items):
@@ -30,10 +35,38 @@ def viewer(browser):
     running.stop()
 
 
-@pytest.fixture
-def page(browser, viewer):
-    """A visitor's page; any error in it fails the test."""
-    opened = open_page(browser, viewer.url)
+@pytest.fixture(scope="module")
+def shared_pages(browser, viewer):
+    """The page of a file's tests, once one of them has asked for it."""
+    opened = []
     yield opened
-    assert opened.errors == []
-    opened.context.close()
+    for page in opened:
+        page.context.close()
+
+
+@pytest.fixture
+def page(browser, viewer, shared_pages):
+    """A visitor's page in the workspace *Inspect*, at the first window; any error in it fails the test."""
+    if not shared_pages or not _begins_again(shared_pages[0]):
+        for broken in shared_pages:
+            broken.context.close()
+        shared_pages[:] = [open_page(browser, viewer.url, *SIZE)]
+    page = shared_pages[0]
+    page.errors.clear()
+    yield page
+    assert page.errors == []
+
+
+def _begins_again(page):
+    """Bring a page back to its beginning; what a failed test left open may be in the way."""
+    try:
+        page.set_default_timeout(10_000)
+        page.set_viewport_size({"width": SIZE[0], "height": SIZE[1]})
+        page.locator("body").press("Escape")
+        open_workspace(page, "inspect")
+        page.locator("body").press("Home")
+        page.get_by_test_id("window").get_by_text("window 0 of").wait_for()
+    except BrowserError:
+        return False
+    page.set_default_timeout(page.patience)
+    return True

@@ -10,7 +10,7 @@ def click(page, key):
 
 
 def choose_pixel(page):
-    until_window(page, 20)
+    until_window(page, 0)
     page.get_by_test_id("reconstruction").locator("img").first.click()
 
 
@@ -44,10 +44,10 @@ def test_two_moments_are_pinned_and_compared(page):
     click(page, "attention:pin:a")
     page.get_by_test_id("a-minus-b").get_by_text("share 100 %").wait_for()
     page.locator("body").press("l")
-    until_window(page, 21)
-    page.get_by_test_id("pinned").get_by_text("window 20").wait_for()
+    until_window(page, 1)
+    page.get_by_test_id("pinned").get_by_text("window 0").wait_for()
     click(page, "attention:pin:b")
-    page.get_by_test_id("pinned").get_by_text("window 21").wait_for()
+    page.get_by_test_id("pinned").get_by_text("window 1").wait_for()
     click(page, "attention:compare:none")
     page.get_by_test_id("peak").wait_for()
 
@@ -82,7 +82,7 @@ def test_what_a_pixel_owes_to_each_part_stands_there_without_a_click_more(page):
 
 
 def test_a_change_that_is_carried_on_begins_at_its_window(page):
-    until_window(page, 20)
+    until_window(page, 0)
     click(page, "set:inspect.opened:change")
     click(page, "inspect:scope:on")
     click(page, "inspect:edit:drop:0.9")

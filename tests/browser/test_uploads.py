@@ -1,4 +1,4 @@
-"""A visitor's own files in a real browser: up, on show, and gone with him."""
+"""A visitor's own files in a real browser: uploaded, shown, and deleted when the visitor leaves."""
 
 import base64
 import re
@@ -11,7 +11,10 @@ from app.main import Viewer
 from etnet.events.open import open_recording
 from etnet.events.write import write_recording
 from tests.app.stand_ins import held_files, recording
-from tests.browser.chromium import open_page, until_window
+from tests.browser.chromium import open_page, open_tab, until_window
+
+OPTIONS, SORTED, REOPEN = "Import options", "Sort timestamps", "Reopen"
+"""What viser's folder, checkbox and button of the import options are called."""
 
 
 @pytest.fixture(scope="module")
@@ -21,12 +24,19 @@ def small_viewer(browser):
     running.stop()
 
 
-@pytest.fixture
-def own_page(browser, small_viewer):
+@pytest.fixture(scope="module")
+def shared(browser, small_viewer):
     opened = open_page(browser, small_viewer.url)
     yield opened
-    assert opened.errors == []
     opened.context.close()
+
+
+@pytest.fixture
+def own_page(shared, small_viewer):
+    """A page on the bundled recording, with nothing uploaded."""
+    until(shared, lambda: not held_files(small_viewer.uploads))
+    yield shared
+    assert shared.errors == []
 
 
 @pytest.fixture
@@ -40,9 +50,9 @@ def mine(tmp_path):
 
 
 def choose(page, files):
-    page.get_by_role("tab", name="Recording").click()
+    open_tab(page, "recording")
     with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Open a file of yours").click()
+        page.locator("[data-etv-upload]:visible").click()
     chooser.value.set_files(files)
 
 
@@ -54,28 +64,26 @@ def until(page, condition):
     raise AssertionError("it did not come about")
 
 
-def test_a_file_goes_up_shows_scrubs_and_is_gone_when_its_visitor_is(browser, small_viewer, own_page, mine):
-    page = own_page
+def test_a_file_goes_up_shows_scrubs_and_is_gone_when_its_visitor_is(browser, small_viewer, shared, mine):
+    page = open_page(browser, small_viewer.url)
     choose(page, mine)
     page.get_by_test_id("facts").get_by_text("6,000").wait_for()
     page.get_by_test_id("handing").get_by_text("my <b>street<b>.h5").wait_for()
-    until_window(page, 14)
+    page.get_by_test_id("window").get_by_text("window 0 of 0 – 28").wait_for()
+    until_window(page, 0)
     page.locator("body").press("l")
-    until_window(page, 15)
-    page.get_by_test_id("camera").first.wait_for()
+    until_window(page, 1)
+    page.get_by_test_id("camera").locator("img:visible").first.wait_for()
     assert held_files(small_viewer.uploads)
     assert page.errors == []
     page.context.close()
-    other = open_page(browser, small_viewer.url)
-    until(other, lambda: not held_files(small_viewer.uploads))
-    assert small_viewer.catalogue._private == {}
-    assert not any("upload-" in str(key) for key in small_viewer.engine._studio._stages)
-    assert "street" not in other.content()
-    other.context.close()
+    until(shared, lambda: not held_files(small_viewer.uploads))
+    until(shared, lambda: small_viewer.catalogue._private == {})
+    until(shared, lambda: not any("upload-" in str(key) for key in small_viewer.engine._playbacks._stages))
+    assert "street" not in shared.content()
 
 
 def test_a_file_may_be_dropped_anywhere_and_removed(own_page, small_viewer, mine):
-    until_window(own_page, 20)
     content = base64.b64encode(mine.read_bytes()).decode()
     data = own_page.evaluate_handle(
         """content => {
@@ -87,13 +95,13 @@ def test_a_file_may_be_dropped_anywhere_and_removed(own_page, small_viewer, mine
         content,
     )
     own_page.dispatch_event("body", "dragover", {"dataTransfer": data})
-    own_page.get_by_text("Let go to open it here").wait_for()
+    own_page.locator(".etv-drop").wait_for()
     own_page.dispatch_event("body", "drop", {"dataTransfer": data})
-    until_window(own_page, 14)
-    own_page.get_by_role("tab", name="Recording").click()
+    own_page.get_by_test_id("window").get_by_text("window 0 of 0 – 28").wait_for()
+    open_tab(own_page, "recording")
     own_page.get_by_test_id("handing").get_by_text("dropped.h5").wait_for()
-    own_page.get_by_role("button", name="Remove").click()
-    until_window(own_page, 20)
+    own_page.locator("[data-k^='remove:']:visible").click()
+    own_page.get_by_test_id("window").get_by_text("window 0 of 0 – 49").wait_for()
     until(own_page, lambda: not held_files(small_viewer.uploads))
 
 
@@ -121,25 +129,25 @@ def test_what_is_sent_beyond_the_declared_size_is_cut_off(own_page, small_viewer
         })"""
     )
     assert "more came than the 1,000 bytes" in told
-    own_page.get_by_role("tab", name="Recording").click()
+    open_tab(own_page, "recording")
     own_page.get_by_test_id("refused").get_by_text("liar.raw: more came").wait_for()
     assert not held_files(small_viewer.uploads)
 
 
 def test_what_a_file_does_not_say_can_be_said(own_page, tmp_path):
     page, path = own_page, tmp_path / "back.txt"
-    rows = np.array([[0.001 * (i + (1 if i % 50 else 9)), i % 40, i % 30, i % 2] for i in range(3000)])
+    rows = np.array([[0.001 * (i + (1 if i % 500 else 9)), i % 40, i % 30, i % 2] for i in range(3000)])
     np.savetxt(path, rows, fmt="%.6f %d %d %d")
     choose(page, path)
     page.get_by_text("open it with --sort").first.wait_for()
-    page.get_by_text("Import options").click()
-    page.get_by_text("Sort timestamps").click()
+    page.get_by_text(OPTIONS, exact=True).click()
+    page.get_by_text(SORTED, exact=True).click()
     sensor = page.locator("input.mantine-TextInput-input:visible").first  # viser ties no label to it
     sensor.fill("wide")
-    page.get_by_role("button", name="Reopen").click()
+    page.get_by_role("button", name=REOPEN).click()
     page.get_by_text("640×480").first.wait_for()
     sensor.fill("40x30")
-    page.get_by_role("button", name="Reopen").click()
+    page.get_by_role("button", name=REOPEN).click()
     page.get_by_test_id("facts").get_by_text("3,000").wait_for()
     page.get_by_test_id("facts").get_by_text("the events were sorted by stamp").wait_for()
     page.get_by_alt_text(re.compile("^Reconstruction of window")).first.wait_for()
