@@ -59,11 +59,13 @@ def _head(page: Page, run: RunShown, view: CompareState, num: int) -> str:
     tag = f'<b class="et-tag" style="--hue:{run.colour}">{run.name}</b>'
     header = f'<header>{tag}{_network(page, run)}<span class="etv-tools">{large_button(name)}{remove}</span></header>'
     made_by = _replayed(run) if view.replays else _windows(page, run) + _precision(page, run) + _cold(run)
+    # A protocol takes the events as they are, whatever the page's own filter leaves out.
+    made_by += "" if view.replays and not run.number else _filter(page, run)
     return section(
         f"{name}.head",
         run.number,
         num,
-        f'{header}<div class="etv-selects">{made_by}{_filter(page, run)}</div>',
+        f'{header}<div class="etv-selects">{made_by}</div>',
         "etv-over",
     )
 

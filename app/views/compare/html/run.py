@@ -102,13 +102,13 @@ class RunShown:
 
     @property
     def state_words(self) -> str:
-        """How much its recurrent state has seen."""
-        index = 0 if self.request is None else self.request.index
-        left = max(self.warm_up - index, 0)
-        if self.ready is not None and self.ready.request.index == index and self.ready.warm_up:
-            left = self.ready.warm_up - self.ready.num_seen
-            return "state warm" if left <= 0 else f"warm-up {self.ready.num_seen} of {self.ready.warm_up}"
-        return "state warm" if not left else f"warm-up {index} of {self.warm_up}"
+        """How much its recurrent state has seen, and whether the recording is too short for it to be called warm."""
+        seen, needed = (0 if self.request is None else self.request.index), self.warm_up
+        if self.ready is not None and self.ready.request == self.request and self.ready.warm_up:
+            seen, needed = self.ready.num_seen, self.ready.warm_up
+        if seen >= needed:
+            return "state warm"
+        return f"warm-up {seen} of {needed}" if needed < self.num_windows else "not warm in this recording"
 
     def with_values(self, values: Mapping[str, float] | None) -> RunShown:
         """The same, with what was measured."""
