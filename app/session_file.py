@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.catalogue.entries import Entry
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import opened_id
-from app.catalogue.recordings import Entry
 from app.config import ViewerConfig
 from app.state.view_state import ViewState
 from app.views.inspect.state import Change, InspectState

@@ -16,7 +16,7 @@ from threading import Lock, RLock, Timer
 import numpy as np
 from jaxtyping import UInt8
 
-from app.catalogue.recordings import Entry
+from app.catalogue.entries import Entry
 from etnet.errors import Cancelled, EtnetError, RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, Recording

@@ -8,15 +8,16 @@ import sys
 import time
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Literal
 
 from app.catalogue.cut import CutRecording
-from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of, size_of
+from app.catalogue.entries import Entry, called_by_its_name, listed, under_its_name
+from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of
 from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.live import LiveFeed
 from app.catalogue.models import ModelEntry, digest, offered_models
@@ -25,17 +26,15 @@ from app.catalogue.recording_id import listed_id, stated_in, view_in
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
 from app.config import ViewerConfig
-from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Recording, Remark
-from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached, fetch
-from etnet.files import in_megabytes, printable, without_paths
+from etnet.events.samples import fetch
+from etnet.files import without_paths
 from etnet.private_folder import PrivateFolder
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
-Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded", "mirror"]
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
 LOOK_EVERY = 1.0
@@ -55,21 +54,6 @@ _log = logging.getLogger(__name__)
 
 class CatalogueError(EtnetError):
     """Something was asked for that the catalogue does not hold."""
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One recording that can be opened."""
-
-    id: str
-    title: str
-    kind: Kind
-    subtitle: str
-    path: Path = field(repr=False)
-    terms: str = ""
-    """What a visitor has to know before opening it; empty where there is nothing."""
-    remote: RemoteSample | None = field(default=None, repr=False)
-    """What has to be fetched first, for "on demand"."""
 
 
 class Catalogue:
@@ -92,7 +76,7 @@ class Catalogue:
         self._models = tuple(offered_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
         self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
-        self._entries = tuple(_entries(config, self._watch.offered))
+        self._entries = tuple(listed(config, self._watch.offered))
 
     def entries(self) -> tuple[Entry, ...]:
         """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched.
@@ -131,7 +115,7 @@ class Catalogue:
         """Look into the --data folder. `now`: seconds of any steady clock. Not from two threads at once."""
         if self._config.data is None or not self._watch.look(recordings_in(self._config.data), now):
             return
-        entries = tuple(_entries(self._config, self._watch.offered))
+        entries = tuple(listed(self._config, self._watch.offered))
         with self._lock:
             known = {entry.id for entry in entries} | self._private.keys()
             self._entries = entries
@@ -370,61 +354,5 @@ def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
     return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
 
 
-def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
-    """The same error without a folder of this machine; of a visitor's file, by the name they gave it."""
-    said = _named(str(error), entry) if entry.kind == "upload" else str(error)
-    plain = printable(without_paths(said))
-    return error if plain == str(error) else RecordingError(plain)
-
-
-def called_by_its_name(recording: Recording, entry: Entry) -> Recording:
-    """The same recording; a visitor's file has the name they gave it, in what was noticed, too."""
-    if entry.kind != "upload":
-        name = printable(recording.name)
-        remarks = tuple(replace(remark, text=printable(remark.text)) for remark in recording.remarks)
-        is_plain = name == recording.name and remarks == recording.remarks
-        return recording if is_plain else replace(recording, name=name, remarks=remarks)
-    remarks = tuple(replace(remark, text=_named(remark.text, entry)) for remark in recording.remarks)
-    path = entry.path.parent / entry.title  # by which a session file names it; it is open already
-    return replace(recording, name=Path(entry.title).stem, remarks=remarks, path=path)
-
-
-def _named(text: str, entry: Entry) -> str:
-    for ours in (str(entry.path), entry.path.name, entry.path.stem):
-        text = text.replace(ours, entry.title)
-    return text
-
-
 def _with_remark(recording: Recording, remark: Remark) -> Recording:
     return replace(recording, remarks=(*recording.remarks, remark))
-
-
-def _entries(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entry]:
-    if config.file is not None:
-        yield _entry(config.file, "file", size_of(config.file))
-    for path in samples():
-        yield _entry(path, "bundled", "simulated, with the frames of an ideal camera")
-    if config.data is not None:
-        for path, turn in offered.items():
-            folder = path.parent.relative_to(config.data)
-            where = "" if folder == Path() else f"{printable(folder)} · "
-            yield _entry(path, "data", f"{where}{size_of(path)}", turn)
-    if not config.demo:
-        for sample in SAMPLES.values():
-            yield _on_demand(sample)
-
-
-def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
-    name = printable(path.stem if kind == "bundled" else path.name or str(path))
-    # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
-    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{digest(path)}"
-    if turn:
-        entry_id = f"{entry_id}-{turn}"  # another file by the name of a former one
-    return Entry(entry_id, name, kind, subtitle, path)
-
-
-def _on_demand(sample: RemoteSample) -> Entry:
-    is_here = cached(sample) is not None
-    subtitle = "real, fetched before" if is_here else f"real, fetched once: {in_megabytes(sample.num_bytes)}"
-    path = cache_folder() / sample.name
-    return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)

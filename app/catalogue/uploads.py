@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import RLock
 
-from app.catalogue.recordings import Entry
+from app.catalogue.entries import Entry
 from app.catalogue.visitor_uploads import MEGABYTE, UploadError, UploadLimits, VisitorUploads
 from etnet.files import in_megabytes
 from etnet.private_folder import PrivateFolder

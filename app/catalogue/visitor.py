@@ -5,9 +5,10 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable
 
+from app.catalogue.entries import Entry
 from app.catalogue.live import LiveFeed, LiveShown
 from app.catalogue.models import ModelEntry
-from app.catalogue.recordings import Catalogue, CatalogueError, Entry
+from app.catalogue.recordings import Catalogue, CatalogueError
 from app.catalogue.videos import VideoShown
 from app.catalogue.visitor_uploads import VisitorUploads
 from etnet.events.recording import Recording

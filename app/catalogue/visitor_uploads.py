@@ -18,8 +18,8 @@ from pathlib import Path
 from threading import RLock
 from typing import Protocol
 
+from app.catalogue.entries import Entry
 from app.catalogue.folder import size_of
-from app.catalogue.recordings import Entry
 from etnet.errors import EtnetError
 from etnet.events.index_store import BESIDE
 from etnet.files import in_megabytes

@@ -16,9 +16,10 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
+from app.catalogue.entries import Entry
 from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.models import ModelEntry
-from app.catalogue.recordings import CatalogueError, Entry
+from app.catalogue.recordings import CatalogueError
 from app.catalogue.uploads import Uploads
 from app.catalogue.videos import Videos
 from app.catalogue.visitor import VisitorCatalogue

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from app.catalogue import opening_apart
+from app.catalogue.entries import Entry
 from app.catalogue.opening_apart import open_apart
-from app.catalogue.recordings import Catalogue, Entry
+from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
 from etnet.errors import Cancelled, EtnetError
 from etnet.events.assumptions import NOTHING_ASSUMED

@@ -74,7 +74,21 @@ def test_every_brace_is_closed_and_every_token_is_defined(name):
     text = sheet(name)
     assert text.count("{") == text.count("}")
     known = set(re.findall(r"--([\w-]+)\s*:", "".join(sheet(each) for each in SHEETS)))
-    set_by_pages = {"x", "n", "base", "columns", "ratio", "hue", "wipe", "from", "drag-x", "lines", "rows", "zoom", "place"}
-    set_by_pages |= {"swipe", "u", "v", "zoom-by", "zoom-x", "zoom-y"}
+    set_by_pages = {
+        "x",
+        "n",
+        "base",
+        "columns",
+        "ratio",
+        "hue",
+        "wipe",
+        "from",
+        "drag-x",
+        "lines",
+        "rows",
+        "zoom",
+        "place",
+    }
+    set_by_pages |= {"place", "swipe", "u", "v", "zoom-by", "zoom-x", "zoom-y"}
     undefined = set(re.findall(r"var\(--([\w-]+)", text)) - known - set_by_pages
     assert not {name for name in undefined if not name.startswith(("mantine-", "scene-"))}

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.catalogue.recordings import Entry
+from app.catalogue.entries import Entry
 from app.engine.jobs import JobResult, num_bytes
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment

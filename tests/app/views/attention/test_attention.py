@@ -96,9 +96,7 @@ def test_the_query_is_marked_on_every_map_at_its_token(ready, page_of):
     grid = ready.attention.grid
     row, column = divmod(grid.token_at(*QUERY), grid.columns)
     assert len(marks) == len(ready.attention.sites)
-    assert {m["style"] for m in marks} == {
-        f"--u:{(column + 0.5) / grid.columns:.4f};--v:{(row + 0.5) / grid.rows:.4f}"
-    }
+    assert {m["style"] for m in marks} == {f"--u:{(column + 0.5) / grid.columns:.4f};--v:{(row + 0.5) / grid.rows:.4f}"}
 
 
 def test_a_bar_of_the_atlas_is_the_decode_under_that_mask(loaded, page_of):
