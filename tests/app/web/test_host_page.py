@@ -1,22 +1,24 @@
 """Whose page is the host's own: opened on this machine, by its own name, through no proxy."""
 
+from contextvars import copy_context
 from types import SimpleNamespace
 
 import pytest
 from websockets.datastructures import Headers
 
-from app.web import access
+from app.web.peer import note_peer, sits_here
 
 
 def _sits_here(address="127.0.0.1", host="localhost:8080", public_url=None, **headers):
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     request = SimpleNamespace(headers=Headers({"Host": host, **named}))
     connection = SimpleNamespace(request=request, remote_address=(address, 50_000))
-    token = access._PEER.set(access._peer_of(connection))
-    try:
-        return access.sits_here(public_url)
-    finally:
-        access._PEER.reset(token)
+
+    def connects():
+        note_peer(connection)
+        return sits_here(public_url)
+
+    return copy_context().run(connects)
 
 
 def test_a_page_of_this_machine_is_the_hosts_own():
@@ -42,4 +44,4 @@ def test_any_other_page_is_not(how):
 
 
 def test_nobody_is_the_host_before_a_connection_is_known():
-    assert not access.sits_here(None)
+    assert not sits_here(None)

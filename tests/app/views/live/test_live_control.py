@@ -71,7 +71,7 @@ def test_others_neither_record_nor_change_settings_but_they_look(tmp_path, monke
 
     async def visit(viewer):
         async with Browser.open(viewer.port) as browser:
-            await browser.until_shown('data-testid="is-live"')
+            await browser.until_shown('data-act="events"' if how.get("is_demo") else 'data-testid="is-live"', 30)
             assert "live:record" not in browser.html()
             await press(browser, "live:record")
             await press(browser, "tab:live")
