@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
 
 PAUSE = 2.0
@@ -64,14 +64,29 @@ class GentleImport:
 
 
 class _Waiting(MetaPathFinder):
-    """Finds nothing; asked first for each module, it is the place to wait."""
+    """Finds the network's modules where they are, and waits before it runs them.
+
+    Not while it looks for them: Python then holds the one lock of all imports, and a page that is laid out imports.
+    """
 
     def __init__(self, gentle: GentleImport, thread: int) -> None:
         self._gentle = gentle
         self._thread = thread
 
-    def find_spec(self, fullname: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        """Nothing; the next finder is asked."""
-        if threading.get_ident() == self._thread and fullname.startswith(_NETWORKS_OWN):
-            self._gentle.wait()
-        return None
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """`None` for what is not the network's; the next finder is asked."""
+        if threading.get_ident() != self._thread or not fullname.startswith(_NETWORKS_OWN):
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            loader, run = spec.loader, spec.loader.exec_module
+
+            def waits_and_runs(module: ModuleType) -> None:
+                del loader.exec_module  # from now on it is as it was
+                self._gentle.wait()
+                run(module)
+
+            loader.exec_module = waits_and_runs  # pyright: ignore[reportAttributeAccessIssue]  of this instance
+        return spec

@@ -56,16 +56,31 @@ def test_a_crowd_cannot_keep_the_network_away(package, monkeypatch):
     assert time.monotonic() - began < 5
 
 
-def test_other_threads_never_wait(package, monkeypatch):
+def test_other_threads_import_what_they_need_while_it_waits(tmp_path, monkeypatch):
     monkeypatch.setattr(gentle_import, "PAUSE", 20.0)
     monkeypatch.setattr(gentle_import, "MOST_PAUSES", 20.0)
     gentle, done = GentleImport(), threading.Event()
-    gentle.page_begins()
-    thread = threading.Thread(target=importing, args=(gentle, done))
-    thread.start()
-    import torch_second  # noqa: F401
+    sys.page_begins = gentle.page_begins
+    (tmp_path / "torch_outer.py").write_text("import sys\nsys.page_begins()\nimport torch_inner\n")
+    (tmp_path / "torch_inner.py").write_text("")
+    (tmp_path / "a_pages_own.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
 
+    def importing_outer():
+        with gentle.imports():
+            import torch_outer  # noqa: F401
+
+            done.set()
+
+    thread = threading.Thread(target=importing_outer)
+    thread.start()
+    assert not done.wait(0.2)
+    began = time.monotonic()
+    import a_pages_own  # noqa: F401
+
+    assert time.monotonic() - began < 5
     assert not done.is_set()
     gentle.page_asks()
     thread.join(10)
     assert done.is_set()
+    del sys.page_begins
