@@ -29,6 +29,7 @@ UPLOADS = 256
 """MB that a visitor may hand over where nothing is said and only this machine reaches the viewer."""
 MOST_UPLOADS = 4096
 LONGEST_TOKEN = 200
+MOST_CACHE = 1 << 20
 
 
 class ConfigError(EtnetError):
@@ -102,6 +103,9 @@ class ViewerConfig:
     """The address by which a proxy in front of the viewer is reached."""
     budget: Annotated[int, tyro.conf.arg(metavar="MB")] = 1024
     """Memory for frames and recurrent states of all visitors, in MB."""
+    cache: Annotated[int | Literal["off"], tyro.conf.arg(metavar="{off,MB}")] = 1024
+    """Disk for frames and states that are kept until the next start, in MB, or off; `etnet cache` lists them. What
+    visitors upload is never kept."""
     threads: int | None = None
     """Threads for the network; as many as torch likes by default. Frames are exact for one number of threads."""
     roi: Annotated[str | None, tyro.conf.arg(metavar="X,Y,W,H", aliases=["--region"])] = None
@@ -150,6 +154,8 @@ class ViewerConfig:
             raise ConfigError(f"--port {self.port}: wanted 0 … 65,535 (0 takes any free port)")
         if self.budget < MIN_BUDGET:
             raise ConfigError(f"--budget {self.budget}: wanted at least {MIN_BUDGET} MB")
+        if isinstance(self.cache, int) and not 1 <= self.cache <= MOST_CACHE:
+            raise ConfigError(f"--cache {self.cache}: wanted off or 1 … {MOST_CACHE:,} MB")
         if self.threads is not None and self.threads < 1:
             raise ConfigError(f"--threads {self.threads}: wanted at least 1")
         if isinstance(self.uploads, int) and not 1 <= self.uploads <= MOST_UPLOADS:
@@ -202,6 +208,11 @@ class ViewerConfig:
         if self.uploads is not None:
             return self.uploads if isinstance(self.uploads, int) else None
         return None if self.is_open else UPLOADS
+
+    @property
+    def cache_bytes(self) -> int | None:
+        """The budget on disk in bytes; `None` where nothing is kept."""
+        return self.cache << 20 if isinstance(self.cache, int) else None
 
     @property
     def budget_bytes(self) -> int:

@@ -208,7 +208,7 @@ class Viewer:
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
         self._address = address
-        self.engine = self._engine(config)
+        self.engine = self._new_engine(config, default)
         self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
         megabytes = config.upload_megabytes
@@ -231,6 +231,25 @@ class Viewer:
         if default.model_id:
             THREADS.start(self.catalogue.look_at_files, "looking at files")
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
+        if default.recording_id and self.live is None:
+            THREADS.start(lambda: self._open_first(default.recording_id), "opening")
+
+    def _new_engine(self, config: ViewerConfig, default: ViewState) -> Engine:
+        """One engine for all visitors, with what earlier starts kept on disk."""
+        from app.engine.engine import Engine
+        from etnet.playback.disk_cache import DiskCache
+
+        return Engine(
+            self.catalogue,
+            budget_bytes=config.budget_bytes,
+            threads=config.threads,
+            device=config.device,
+            live=None if self.live is None else (self.live, default.model_id, default.precision),
+            disk=None if config.cache_bytes is None else DiskCache(budget_bytes=config.cache_bytes),
+            keeps=self._may_stay,
+            tunes=True,
+            longest_step=LONGEST_STEP if config.is_open else None,
+        )
 
     @property
     def url(self) -> str:
@@ -280,6 +299,7 @@ class Viewer:
         from app.session.session import Session
         from app.web.peer import sits_here
 
+        self.engine.expect()
         desk = None if self.uploads is None else self.uploads.desk()
         try:
             is_host = not self.default.is_public and sits_here(self._address.public_url)
@@ -293,20 +313,6 @@ class Viewer:
             raise
         self._visits.add(session)
         return session
-
-    def _engine(self, config: ViewerConfig) -> Engine:
-        from app.engine.engine import Engine
-
-        followed = None if self.live is None else (self.live, self.default.model_id, self.default.precision)
-        longest = LONGEST_STEP if config.is_open else None
-        return Engine(
-            self.catalogue,
-            config.budget_bytes,
-            config.threads,
-            config.device,
-            live=followed,
-            longest_step=longest,
-        )
 
     def _first_view(self, config: ViewerConfig, session: TakenSession | None) -> ViewState:
         """What a new page shows: the first recording by the first network, or what a session was taken of."""
@@ -335,6 +341,19 @@ class Viewer:
             return None
         others = [entry for entry in catalogue.entries() if entry.id != recording_id]
         return handed_over(path, others, default, catalogue.models(), config)
+
+    def _open_first(self, recording_id: str) -> None:
+        """Open what the first visitor will see, while they are on their way."""
+        with suppress(EtnetError):  # the visitor is told
+            if not self.catalogue.is_film(self.catalogue.entry(recording_id)):
+                self.catalogue.open(recording_id)
+
+    def _may_stay(self, recording_id: str) -> bool:
+        """Whether frames of a recording may stay on disk: what is a visitor's own is private, and goes with them."""
+        try:
+            return self.catalogue.entry(recording_id).kind in ("bundled", "data", "file", "on demand")
+        except EtnetError:
+            return False
 
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""

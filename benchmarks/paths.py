@@ -114,7 +114,7 @@ async def _upload(port: int, ticket: str) -> None:
 def main() -> None:
     """Trace one visit and report the counts."""
     tracer = Tracer()
-    viewer = Viewer(ViewerConfig(port=0))
+    viewer = Viewer(ViewerConfig(port=0, cache="off"))
     try:
         passed = asyncio.run(_story(viewer, tracer))
     finally:

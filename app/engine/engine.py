@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -12,21 +12,27 @@ import numpy as np
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.live import LiveFeed
+from app.catalogue.threads import THREADS
 from app.engine.failures import in_words
+from app.engine.gentle_import import GentleImport
 from app.engine.jobs import Job, JobQueue, Tell
+from app.engine.kept_frames import KeptFrames, KeptRanges, show_kept
 from app.engine.live import LiveSteps
 from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache
 from app.engine.prefetch import Prefetcher
-from app.engine.queue import Deliver, PendingRequest, RequestQueue
+from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
-from app.engine.replies import array_of, hand_over, ready_of
-from app.engine.requests import Failed, FrameRequest, Precision, Ready, Reply, Working
+from app.engine.replies import array_of, check_step, hand_over, ready_of
+from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
 from app.engine.thumbnails import Thumbnails
 from etnet.errors import Cancelled, WindowError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from jaxtyping import Float32
 
+    from etnet.playback.disk_cache import DiskCache
     from etnet.playback.playback import CacheReport, Step
 
 QUANTUM = 0.4
@@ -39,19 +45,6 @@ REPORT_INTERVAL = 0.2
 """Seconds between two reports of what is cached while a seek runs."""
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class EngineStatus:
-    """How the engine fares with one kind of request."""
-
-    is_loading: bool
-    step_milliseconds: float | None
-    """One encode and one decode, measured; `None` before the first."""
-    precision: str | None
-    """What "auto" has become: "fp32" or "bf16"; `None` before the model is loaded."""
-    num_waiting: int
-    """RequestSink of all visitors that are not granted yet."""
 
 
 class Engine:
@@ -67,12 +60,18 @@ class Engine:
         prefetches: bool = True,
         live: tuple[LiveFeed, str, Precision] | None = None,
         longest_step: float | None = None,
+        disk: DiskCache | None = None,
+        keeps: Callable[[str], bool] = bool,
+        tunes: bool = False,
     ) -> None:
-        """`live`: a source with the network that follows it, whether anybody looks or not.
+        """`live`: a source with the network that follows it, whether anybody looks or not. `disk` keeps frames between
+        two starts, of recordings of which `keeps` says so (by id).
 
         `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
         """
-        self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load)
+        self._kept = KeptFrames(library, disk, keeps, device, threads)
+        self._gentle = GentleImport()
+        self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load, self._kept.disk_for, tunes)
         self._longest_step = longest_step
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
@@ -99,14 +98,22 @@ class Engine:
 
         A frame that was given lately is delivered at once, on the caller's thread: it need not wait for a step.
         """
-        recent = self._recent.find(request)
-        if recent is None:
-            self._book.put(visitor, request, deliver)
+        self._gentle.page_asks()
+        at_hand = self._recent.find(request) or self._kept.find(request)
+        if at_hand is None:
+            turn = self._book.put(visitor, request, deliver)
+            if not self._kept.is_named(request):
+                THREADS.start(lambda: show_kept(self._kept, self._book, turn), "frames on disk")
             return
         turn = self._book.put(visitor, request, deliver, is_shown=True)
-        hand_over(turn, recent)
-        if not request.wants_attention:
+        self._recent.keep(at_hand)
+        hand_over(turn, at_hand)
+        if not request.wants_attention and request.playback in self._paces:
             self._book.settle(turn)
+
+    def expect(self) -> None:
+        """A visitor has come: their page is drawn before the network's code is imported further."""
+        self._gentle.page_begins()
 
     def drop(self, visitor: str) -> None:
         """Forget a visitor who has left; work for them ends after the step that runs."""
@@ -142,9 +149,9 @@ class Engine:
             self._book.changed.notify_all()
         self._thread.join(patience)
 
-    def cached(self, request: FrameRequest) -> CacheReport | None:
+    def cached(self, request: FrameRequest) -> CacheReport | KeptRanges | None:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
-        return self._reports.get(request.playback)
+        return self._reports.get(request.playback) or self._kept.ranges(request)
 
     def thumbnail(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
         """A small copy of a request's exact frame, if it was computed lately."""
@@ -184,12 +191,14 @@ class Engine:
             self._prepare_model()
         elif self._jobs.num_waiting:
             self._jobs.work(self._is_wanted_elsewhere)
-        elif self._prefetcher is not None and not self._live_waits():
+        elif self._prefetcher is not None and not self._live_waits() and self._prefetcher.has_work():
             self._prefetcher.work(self._is_wanted_elsewhere, self._note_prepared)
+        else:
+            self._playbacks.try_kernels()
 
     def _has_work(self) -> bool:
         prefetches = self._prefetcher is not None and self._prefetcher.has_work()
-        waits = self._to_forget or self._to_prepare or self._live_waits()
+        waits = self._to_forget or self._to_prepare or self._live_waits() or self._playbacks.has_untried
         return bool(self._book.num_waiting or waits or self._jobs.num_waiting or prefetches)
 
     def _live_waits(self) -> bool:
@@ -245,27 +254,20 @@ class Engine:
             self._say(turn, Working(request, 0, 0, what))
             self._is_loading = loads
             try:
+                self._gentle.import_network()
                 self._playbacks.start()
                 loaded = self._playbacks.loaded(request)
             finally:
                 self._is_loading = False
+            self._kept.learn(request, loaded)
             self._note_precision(request.model_id, request.precision)
             self._paces[request.playback] = loaded.pace
             self._forget_reports()
             if loaded.expected_step > SLOW_STEP:
-                seconds = loaded.expected_step / 1000
-                size = loaded.playback.recording.sensor
+                size, seconds = loaded.playback.recording.sensor, loaded.expected_step / 1000
                 self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
-        self._check_step(loaded)
+        check_step(loaded, self._longest_step)
         return self._playbacks.reaching(request)
-
-    def _check_step(self, loaded: LoadedPlayback) -> None:
-        if self._longest_step is not None and loaded.expected_step > self._longest_step:
-            sensor = loaded.playback.recording.sensor
-            raise WindowError(
-                f"an image of {sensor} would take about {loaded.expected_step / 1000:.0f} s here, at most "
-                f"{self._longest_step / 1000:.0f} s are given to one; start the viewer with --downsample 4 or --roi"
-            )
 
     def _forget_reports(self) -> None:
         held = self._playbacks.held_keys()
@@ -277,6 +279,7 @@ class Engine:
         self._jobs.forget(recording_id)
         self._recent.forget(recording_id)
         self._thumbnails.forget(recording_id)
+        self._kept.forget(recording_id)
         self._forget_reports()
 
     def _preview(self, turn: PendingRequest, loaded: LoadedPlayback) -> None:
@@ -309,6 +312,8 @@ class Engine:
 
         request = turn.request
         playback, intervention = loaded.playing(request)
+        num_replayed = playback.plan(request.index).num_replayed
+        is_short = loaded.pace.step is not None and loaded.pace.seek(num_replayed) <= SHORT
         clock = [time.perf_counter()]
         encodes: list[float] = []
 
@@ -322,7 +327,7 @@ class Engine:
 
         try:
             probe = AttentionProbe() if request.wants_attention else None
-            step = playback.at(request.index, probe, intervention, lambda: self._must_yield(turn), progress)
+            step = playback.at(request.index, probe, intervention, lambda: self._must_yield(turn, is_short), progress)
         finally:
             loaded.pace.note(float(np.median(encodes)) if encodes else None, None)
             self._report(request, loaded)
@@ -333,10 +338,10 @@ class Engine:
     def _is_stale(self, turn: PendingRequest) -> bool:
         return self._is_stopping or not self._book.is_wanted(turn)
 
-    def _must_yield(self, turn: PendingRequest) -> bool:
+    def _must_yield(self, turn: PendingRequest, is_short: bool = False) -> bool:
         """Asked between steps: nobody wants this, or others have waited long enough. What was laid is kept."""
         if self._is_stale(turn):
-            return True
+            return self._is_stopping or not is_short or not self._book.goes_without(turn)
         is_long = time.monotonic() - turn.began > QUANTUM * 2 ** (turn.num_turns - 1)
         return is_long and (self._book.others_wait(turn) or self._live_waits())
 
@@ -345,11 +350,12 @@ class Engine:
             self._recent.keep(reply)
             if not reply.is_approximate:
                 self._thumbnails.keep(reply.request, reply.frame)
-        if self._book.settle(turn):
+        if self._book.settle(turn) or (isinstance(reply, Ready) and self._book.settle_late(turn)):
             hand_over(turn, reply)
 
     def _say(self, turn: PendingRequest, reply: Reply) -> None:
-        if self._book.is_wanted(turn):
+        is_done = turn.is_shown and not turn.request.wants_attention and isinstance(reply, Working)
+        if self._book.is_wanted(turn) and not is_done:
             hand_over(turn, reply)
 
     def _fail(self, turn: PendingRequest, message: str) -> None:
@@ -377,6 +383,7 @@ class Engine:
         self._to_prepare = None
         self._is_loading = True
         try:
+            self._gentle.import_network()
             self._playbacks.start()
             self._playbacks.model(model_id, precision)
             self._note_precision(model_id, precision)

@@ -26,6 +26,7 @@ from etnet.windows import Window, from_window
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
     from etnet.nets.runtime import Contract
+    from etnet.playback.disk_cache import DiskCache
     from etnet.playback.playback import Playback
 
 WARM_UP = 20
@@ -47,6 +48,14 @@ _GROWTH = 1.2
 
 Loader = Callable[[ModelEntry, str, str], Any]
 """(model entry, precision, device) → a reconstructor that is ready to run."""
+
+
+DiskFor = Callable[[FrameRequest], "DiskCache | None"]
+"""Where the playback of a request keeps its frames between two runs; `None`: nowhere."""
+
+
+def _nowhere(request: FrameRequest) -> None:
+    return None
 
 
 class Library(Protocol):
@@ -175,9 +184,20 @@ class PlaybackCache:
     """Loads models, keeps the playbacks that were used last, and divides the budget among them."""
 
     def __init__(
-        self, library: Library, budget_bytes: int, device: str, threads: int | None, load: Loader | None = None
+        self,
+        library: Library,
+        budget_bytes: int,
+        device: str,
+        threads: int | None,
+        load: Loader | None = None,
+        disk_for: DiskFor = _nowhere,
+        tunes: bool = False,
     ) -> None:
+        """`tunes`: networks run with the kernels that were measured to be fastest here."""
         self._library = library
+        self._disk_for = disk_for
+        self._tunes = tunes
+        self._untried: tuple[Any, int, int] | None = None
         self._budget_bytes = budget_bytes
         self._device = device
         self._threads = threads
@@ -268,14 +288,44 @@ class PlaybackCache:
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(request.model_id, request.precision)
-        first = recording.first_held if isinstance(recording, CutRecording) else 0
-        playback = Playback(model, recording, windows, self._budget_bytes, first=min(first, len(windows) - 1))
+        self._tune(model, request, recording)
+        is_cut = isinstance(recording, CutRecording)
+        first = min(recording.first_held, len(windows) - 1) if is_cut else 0
+        disk = None if is_cut else self._disk_for(request)
+        playback = Playback(model, recording, windows, self._budget_bytes, disk, first=first)
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
         loaded = LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
         band = self._library.model(request.model_id).trained_band
         loaded.sparsest = SPARSEST if band is None else band[0]
         return loaded
+
+    def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:
+        """Use the kernels measured for this size, where the network has made no frame yet (its contract would change).
+
+        What is not measured is tried when nobody waits (`try_kernels`), for the next start.
+        """
+        is_in_use = any(key[1:3] == (request.model_id, request.precision) for key in self._stages)
+        if not self._tunes or is_in_use or not hasattr(model, "runtime") or not hasattr(model, "config"):
+            return
+        from etnet.nets.tuning import apply_kept
+
+        size = recording.sensor.height, recording.sensor.width
+        if not apply_kept(model, *size):
+            self._untried = (model, *size)
+
+    def try_kernels(self) -> None:
+        """Measure what is not known yet, beside the engine, for two seconds at most."""
+        if self._untried is not None:
+            from etnet.nets.tuning import tune
+
+            untried, self._untried = self._untried, None
+            tune(*untried)
+
+    @property
+    def has_untried(self) -> bool:
+        """Whether kernels are to be tried once nobody waits."""
+        return self._untried is not None
 
     def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
         for key in keys:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Literal
 
 from app.engine.playbacks import LoadedPlayback, PlaybackCache
-from app.engine.queue import PendingRequest, RequestQueue
+from app.engine.queue import LONGEST_STRIDE, PendingRequest, RequestQueue
 from app.engine.requests import FrameRequest
 from etnet.errors import Cancelled
 
@@ -27,16 +27,20 @@ class Prefetcher:
         self._playbacks = playbacks
         self._book = book
         self._plans: dict[str, tuple[PendingRequest, Iterator[Task] | None]] = {}
+        self._last: dict[str, FrameRequest] = {}
 
     def has_work(self) -> bool:
         """Whether some visitor's next windows are not prepared; forgets the plans of old requests."""
         turns = {turn.visitor: turn for turn in self._book.last_turns()}
         self._plans = {name: plan for name, plan in self._plans.items() if turns.get(name) is plan[0]}
+        self._last = {name: request for name, request in self._last.items() if name in turns}
         for visitor, turn in turns.items():
             loaded = self._playbacks.held(turn.request)
             if visitor not in self._plans and loaded is not None and turn.request.is_original:
-                tasks = windows_ahead(turn.request.index, len(loaded.windows), loaded.num_states)
+                stride = _stride(self._last.get(visitor), turn.request)
+                tasks = windows_ahead(turn.request.index, len(loaded.windows), loaded.num_states, stride)
                 self._plans[visitor] = (turn, tasks)
+                self._last[visitor] = turn.request
         return any(tasks is not None for _, tasks in self._plans.values())
 
     def work(self, cancelled: Callable[[], bool], report: Callable[[FrameRequest, LoadedPlayback], None]) -> None:
@@ -58,13 +62,17 @@ class Prefetcher:
             return
 
 
-def windows_ahead(index: int, num_windows: int, num_states: int) -> Iterator[Task]:
+def windows_ahead(index: int, num_windows: int, num_states: int, stride: int = 0) -> Iterator[Task]:
     """What to prepare after window `index`, in order.
 
-    Near states first (a seek there then costs one decode), near frames, then states further on; never more states
-    than half of what fits (`num_states`), so that those around the visitor stay.
+    For a visitor who goes on by `stride` windows at a time, as playing does, frames in that order. For all others near
+    states first (a seek there then costs one decode), near frames, then states further on; never more states than half
+    of what fits (`num_states`), so that those around the visitor stay.
     """
     last = num_windows - 1
+    if stride:
+        for ahead in range(index + stride, last + 1, stride)[:FRAMES_AHEAD]:
+            yield "frame", ahead
     room = min(STATES_AHEAD, num_states // 2)
     for ahead in range(1, min(NEAR, room, last - index) + 1):
         yield "state", index + ahead
@@ -72,6 +80,13 @@ def windows_ahead(index: int, num_windows: int, num_states: int) -> Iterator[Tas
         yield "frame", index + ahead
     for ahead in range(FRAMES_AHEAD + 1, min(room, last - index) + 1):
         yield "state", index + ahead
+
+
+def _stride(before: FrameRequest | None, now: FrameRequest) -> int:
+    """By how many windows a visitor goes on; 0 for one who does not go on in steps."""
+    if before is None or before.playback != now.playback:
+        return 0
+    return now.index - before.index if 0 < now.index - before.index <= LONGEST_STRIDE else 0
 
 
 def _do(task: Task, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> None:

@@ -10,6 +10,14 @@ from threading import Condition
 from app.engine.requests import FrameRequest, Reply
 
 Deliver = Callable[[Reply], None]
+GOES_WITHOUT = 0.25
+"""Seconds without a frame after which one that was asked for is finished, though a newer one is asked for by now: while
+a recording plays faster than the network can follow, the newest request alone would never be granted."""
+
+SHORT = 500.0
+"""A seek that takes no longer (ms) is finished for a visitor who would otherwise go without."""
+LONGEST_STRIDE = 16
+"""Windows from one request to the next that still look like playing, or like a finger that goes on."""
 
 
 @dataclass(eq=False, slots=True)
@@ -35,6 +43,7 @@ class RequestQueue:
         self._waiting: dict[str, PendingRequest] = {}
         self._last: dict[str, PendingRequest] = {}
         self._served_at: dict[str, int] = {}
+        self._granted_at: dict[str, float] = {}
         self._clock = 0
 
     def put(self, visitor: str, request: FrameRequest, deliver: Deliver, is_shown: bool = False) -> PendingRequest:
@@ -43,13 +52,14 @@ class RequestQueue:
             turn = PendingRequest(visitor, request, deliver, is_shown)
             self._waiting[visitor] = self._last[visitor] = turn
             self._served_at.setdefault(visitor, 0)
+            self._granted_at.setdefault(visitor, time.monotonic())
             self.changed.notify_all()
             return turn
 
     def drop(self, visitor: str) -> None:
         """Forget a visitor who has left."""
         with self.changed:
-            for held in (self._waiting, self._last, self._served_at):
+            for held in (self._waiting, self._last, self._served_at, self._granted_at):
                 held.pop(visitor, None)
             self.changed.notify_all()
 
@@ -76,6 +86,25 @@ class RequestQueue:
             if self._waiting.get(turn.visitor) is not turn:
                 return False
             del self._waiting[turn.visitor]
+            self._granted_at[turn.visitor] = time.monotonic()
+            return True
+
+    def goes_without(self, turn: PendingRequest) -> bool:
+        """Whether a visitor whose requests replace each other faster than they are granted, a few windows further on
+        each time, has had nothing for `GOES_WITHOUT` seconds."""
+        with self.changed:
+            newest = self._last.get(turn.visitor)
+            if newest is None or newest.request.playback != turn.request.playback:
+                return False
+            goes_on = 0 <= newest.request.index - turn.request.index <= LONGEST_STRIDE
+            return goes_on and time.monotonic() - self._granted_at[turn.visitor] > GOES_WITHOUT
+
+    def settle_late(self, turn: PendingRequest) -> bool:
+        """Take note that a replaced request is granted all the same; `False` where the visitor does not need it."""
+        with self.changed:
+            if not self.goes_without(turn):
+                return False
+            self._granted_at[turn.visitor] = time.monotonic()
             return True
 
     def others_wait(self, turn: PendingRequest) -> bool:

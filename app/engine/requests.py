@@ -121,4 +121,17 @@ class Failed:
     message: str
 
 
+@dataclass(frozen=True, slots=True)
+class EngineStatus:
+    """How the engine fares with one kind of request."""
+
+    is_loading: bool
+    step_milliseconds: float | None
+    """One encode and one decode, measured; `None` before the first."""
+    precision: str | None
+    """What "auto" has become: "fp32" or "bf16"; `None` before the model is loaded."""
+    num_waiting: int
+    """RequestSink of all visitors that are not granted yet."""
+
+
 Reply = Ready | Working | Failed

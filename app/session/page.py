@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from app.catalogue.visitor import VisitorCatalogue
-from app.catalogue.visitor_uploads import VisitorUploads
 from app.engine.engine import Engine
 from app.engine.jobs import JobResult
 from app.engine.thumbnails import thumbnail_key
 from app.html.moment import Moment
 from app.html.timeline_marks import Cached, Hovered
 from app.session.booth import Booth
-from app.session.facts import facts_of
+from app.session.facts import KnownFacts
 from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
 from app.state.link import to_link
 from app.state.view_state import ViewState
-from app.views.page import Choice, Page, RunFrame
+from app.views.page import Page, RunFrame
 from app.views.view import View, areas, changing_views, open_views
+
+SCENE_INTERVAL = 1 / 12
+"""Seconds between two pushes to the 3-D scene while it moves: a browser that is sent more textures shows fewer."""
+
+
+class ScenePace:
+    """Which pages of a drag reach the 3-D scene; at rest all do."""
+
+    def __init__(self) -> None:
+        self._drawn_at = 0.0
+
+    def is_due(self, is_moving: bool) -> bool:
+        """Whether the page that is made now is one of them."""
+        now = time.monotonic()
+        if is_moving and now - self._drawn_at < SCENE_INTERVAL:
+            return False
+        self._drawn_at = now
+        return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +44,12 @@ class PageComposer:
     """Used by the visitor's thread alone."""
 
     views: Sequence[View]
-    catalogue: VisitorCatalogue
+    known: KnownFacts
     engine: Engine
     frames: NewestFrames
     loader: RecordingLoader
-    uploads: VisitorUploads | None
     booth: Booth
+    scene_pace: ScenePace = field(default_factory=ScenePace)
 
     def page(
         self,
@@ -42,12 +59,11 @@ class PageComposer:
         results: Mapping[str, JobResult],
         cached: Cached | None,
         is_moving: bool,
-        is_dragged: bool,
         hovers_at: float | None = None,
         refused: str = "",
     ) -> Page:
-        """`is_moving`: what is drawn now is soon replaced; `is_dragged`: by a finger, not because it plays."""
-        frames, catalogue, limits = self.frames, self.catalogue, self.loader.limits(state)
+        """`is_moving`: what is drawn now is soon replaced, by a finger or because it plays."""
+        frames, facts, limits = self.frames, self.known.of(state), self.loader.limits(state)
         shown_index = frames.ready.request.index if limits.is_live and frames.ready is not None else None
         page = Page(
             state,
@@ -56,27 +72,26 @@ class PageComposer:
             frames.working,
             frames.failed,
             cached,
-            facts_of(catalogue.model(state.model_id)),
+            facts.model,
             self.engine.status(frames.request).step_milliseconds if frames.request else None,
             self._hovered(state, moment, hovers_at),
             is_moving,
-            tuple(
-                Choice(entry.id, entry.title, entry.subtitle, catalogue.facts(entry)) for entry in catalogue.entries()
-            ),
-            tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
+            facts.recordings,
+            facts.models,
             self.loader.said_gone(state) or self.loader.trouble,
-            catalogue.growing(),
+            facts.growing,
             results=results,
             runs=runs,
-            video=catalogue.film(state.recording_id),
-            file_name=catalogue.file_name(state.recording_id),
-            can_be_stated=catalogue.can_be_stated(state.recording_id),
-            can_be_binned=catalogue.can_be_binned(state.recording_id),
-            uploads=None if self.uploads is None else self.uploads.shown,
-            link=to_link(state, moment.window.t_stop) if moment is not None and not is_dragged else "",
+            video=facts.video,
+            file_name=facts.file_name,
+            can_be_stated=facts.can_be_stated,
+            can_be_binned=facts.can_be_binned,
+            uploads=facts.uploads,
+            link=to_link(state, moment.window.t_stop) if moment is not None and not is_moving else "",
+            draws_scene=self.scene_pace.is_due(is_moving),
             areas=areas(state, self.views),
             placed=self.loader.placed(state),
-            live=None if state.is_public and not limits.is_live else catalogue.live(shown_index),
+            live=None if state.is_public and not limits.is_live else self.known.live(shown_index),
             is_live=limits.is_live,
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),

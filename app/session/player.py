@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from app.html.choices import SPEEDS
+from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from etnet.windows import Policy
 
@@ -14,6 +18,15 @@ class Player:
     def __init__(self) -> None:
         self._started: tuple[float, int] | None = None
         self._basis: tuple[float, int, str, Policy | None] | None = None
+        self._is_chosen = False
+
+    def before(self, intent: object, state: ViewState, limits: Limits, step_ms: float | None) -> tuple[Any, ...]:
+        """What comes before an intent: when playing begins, and nobody has chosen a speed, the fastest that lasts."""
+        self._is_chosen |= isinstance(intent, ask.ChooseSpeed) or state.speed != ViewState().speed
+        if not isinstance(intent, ask.TogglePlay) or self._is_chosen or state.is_playing or step_ms is None:
+            return ()
+        self._is_chosen = True
+        return () if state.waits_for_frames else (ask.ChooseSpeed(lasting_speed(limits, step_ms)),)
 
     def due(self, state: ViewState, limits: Limits, now: float, shown: int | None) -> int | None:
         """The window that should be current at `now` (seconds of any steady clock); `None` to stay.
@@ -35,3 +48,13 @@ class Player:
         index = len(limits.windows) if reached > last else max(limits.index_at(int(reached)), state.index)
         self._basis = (state.speed, index, state.recording_id, state.policy)
         return index if index != state.index else None
+
+
+def lasting_speed(limits: Limits, step_ms: float) -> float:
+    """The fastest of the offered speeds at which a step takes no longer than its window lasts; the slowest if none."""
+    windows = limits.windows
+    if not windows:
+        return min(SPEEDS.values())
+    span = windows[len(windows) - 1].t_stop - windows[0].t_start
+    window_ms = span / len(windows) / 1000
+    return max((speed for speed in SPEEDS.values() if step_ms * speed <= window_ms), default=min(SPEEDS.values()))

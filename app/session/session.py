@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import viser
 
@@ -23,8 +23,10 @@ from app.engine.engine import Engine
 from app.engine.failures import in_words
 from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
+from app.html.timeline_marks import Cached
 from app.session.booth import Booth, MirrorNews
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
+from app.session.facts import KnownFacts
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
 from app.session.layout import arrangement_of, build_layout, watch_canvas
@@ -46,11 +48,8 @@ from app.views.reduce import reduce_views
 from app.views.view import View
 from etnet.errors import EtnetError
 
-if TYPE_CHECKING:
-    from etnet.playback.playback import CacheReport
-
-PUSH_INTERVAL = 1 / 12
-"""Seconds between two pushes: a browser that is sent more shows less."""
+PUSH_INTERVAL = 1 / 30
+"""Seconds between two pushes of pictures and text; the first one after a rest goes at once."""
 REST = 0.3
 """Seconds without a new window after which the scene is drawn in full."""
 WAIT_FOR_HELLO = 1.0
@@ -99,15 +98,15 @@ class Session:
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True
-        self._composer = PageComposer(views, catalogue, engine, self._answers, self._held, desk, self._booth)
+        self._known = KnownFacts(catalogue, desk)
+        self._composer = PageComposer(views, self._known, engine, self._answers, self._held, self._booth)
         self.drawn: tuple[float, Page] | None = None
         """When (monotonic clock) and what was drawn last, during the visit; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
         self._pushed_at = 0.0
         self._glanced_at = self._grown_at = 0.0
-        self._cached: CacheReport | None = None
-        self._offer: object = None
+        self._cached: Cached | None = None
         self._hovers_at: float | None = None
         """Seconds on the timeline that the pointer is over."""
         self._showing = Visit(client, catalogue, default, views, self._booth)
@@ -184,6 +183,7 @@ class Session:
             case Hover(seconds):
                 self._hovers_at = seconds
             case HandedOver(arrived):
+                self._known.forget()
                 if arrived:
                     self._answer(Touched())
                     self._has_asked = self._is_known = True
@@ -192,6 +192,7 @@ class Session:
                 self._answer(Touched())
                 self._reduce(*self._booth.heard(item, self._default.recording_id))
             case RemoveFile(recording_id):
+                self._known.forget()
                 self._remove(recording_id)
             case Ready() | Working() | Failed():
                 self._is_dirty |= self._answers.take(item)
@@ -206,6 +207,7 @@ class Session:
                 self._is_dirty |= self._comparing.take(item)
                 return
             case Opening() | Opened() | Unopened():
+                self._known.forget()
                 follows, trouble = self._held.take(item, self._state)
                 if trouble:
                     self._notify("Cannot be shown", trouble)
@@ -223,6 +225,9 @@ class Session:
                     for view in self._views:
                         view.perform(item, self._catalogue)
                     was_playing = self._state.is_playing
+                    step = None if self.drawn is None else self.drawn[1].step_milliseconds
+                    for first in self._player.before(item, self._state, self._held.limits(self._state), step):
+                        self._reduce(first)
                     self._reduce(item)
                     self._reduce(*self._booth.goes_on(item, was_playing, self._state))
         self._is_dirty = True
@@ -328,9 +333,8 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
-        offer = self._catalogue.entries(), self._catalogue.growing(), self._held.share
-        self._is_dirty |= offer != self._offer
-        self._offer = offer
+        if not self._is_moving():
+            self._is_dirty |= self._known.look(self._state, self._held.share)
         every = 0.0 if self._booth.is_live(self._state) else PUSH_INTERVAL if self._follows() else GLANCE
         if time.monotonic() - self._grown_at > every:
             self._grown_at = time.monotonic()
@@ -357,7 +361,6 @@ class Session:
             self._studying.results,
             self._cached,
             self._is_moving() or self._state.is_playing or self._follows(),
-            self._is_moving(),
             self._hovers_at,
             self._standing.refused,
         )

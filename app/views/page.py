@@ -101,6 +101,9 @@ class Page:
     """Whether the visitor may choose how its pixels are binned."""
     areas: Mapping[str, str] = field(default_factory=dict)
     """Where each card stands: "a" and "b" on the stage, "s1" … on the shelf."""
+    draws_scene: bool = True
+    """Whether this picture of a drag is one of those that reach the 3-D scene: a browser that is sent its textures
+    as often as HTML shows less of both."""
     cloud: Callable[[int], EventCloud] | None = None
     """The events of the scene in the colours of an open view."""
     placed: Moment | None = None

@@ -10,11 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from etnet.errors import EtnetError
 from etnet.files import cache_folder, write_atomically
-from etnet.nets.runtime import isa_of_machine
 
 MAX_CHOICES = 500
 """Beyond it those that were kept first go."""
@@ -53,6 +50,10 @@ def processor_name() -> str:
 
 
 def _key(name: str) -> str:
+    import torch
+
+    from etnet.nets.runtime import isa_of_machine
+
     machine = f"{processor_name()}|{isa_of_machine()}|{torch.get_num_threads()}|{torch.__version__}"
     return hashlib.sha256(f"{machine}|{name}".encode()).hexdigest()[:24]
 

@@ -5,43 +5,18 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
 import torch
 from torch import nn
 
 from etnet.nets.attention import MultiHeadAttention
 from etnet.nets.attention_kernels import has_onednn
+from etnet.nets.contract import AttentionPath as AttentionPath
+from etnet.nets.contract import Contract as Contract
+from etnet.nets.contract import Precision as Precision
+from etnet.nets.contract import Runtime as Runtime
 from etnet.nets.packed import pack, unpack
-
-Precision = Literal["fp32", "bf16"]
-AttentionPath = Literal["fused", "plain", "tiled", "by_heads"]
-
-
-@dataclass(frozen=True, slots=True)
-class Runtime:
-    """Precision, attention kernel, memory format and packing of one network."""
-
-    precision: Precision = "fp32"
-    attention: AttentionPath = "fused"
-    channels_last: bool = False
-    packed: bool = False
-    """Layers run in the form that is packed once for the processor's kernels, where there is one (`nets.packed`)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contract:
-    """Two runs whose contracts are equal give the same bits; a frame is called exact only under its contract."""
-
-    runtime: Runtime
-    device: str
-    threads: int
-    torch_version: str
-    machine: str
-    isa: str = ""
-    """The vector instructions that torch uses here ("AVX512"); empty where an older file does not say."""
 
 
 def apply_runtime(model: nn.Module, runtime: Runtime) -> None:

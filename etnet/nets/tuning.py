@@ -33,13 +33,9 @@ def tune(model: Network, height: int, width: int) -> Thread | None:
     Where none are known yet it runs with the usual ones, and a trial in the background finds out for the next time:
     a runtime never changes while frames are made. Gives the trial's thread, `None` if there is nothing to try.
     """
-    if device_of(model).type != "cpu" or not has_onednn():
+    if apply_kept(model, height, width):
         return None
     name = _name(model, height, width)
-    kept = kept_choice(name)
-    if kept is not None and (runtime := _runtime(kept, model.runtime.precision)) is not None:
-        apply_runtime(model, runtime)
-        return None
     heads = next(
         ((m.heads, m.out_proj.in_features) for m in model.modules() if isinstance(m, MultiHeadAttention)), None
     )
@@ -48,6 +44,17 @@ def tune(model: Network, height: int, width: int) -> Thread | None:
     trial = Thread(target=_try_and_keep, args=arguments, name="kernel trial", daemon=True)
     trial.start()
     return trial
+
+
+def apply_kept(model: Network, height: int, width: int) -> bool:
+    """Run `model` with the kernels that were found fastest for this size here; whether nothing is left to try."""
+    if device_of(model).type != "cpu" or not has_onednn():
+        return True
+    kept = kept_choice(_name(model, height, width))
+    runtime = None if kept is None else _runtime(kept, model.runtime.precision)
+    if runtime is not None:
+        apply_runtime(model, runtime)
+    return runtime is not None
 
 
 def fastest_runtime(

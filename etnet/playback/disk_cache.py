@@ -13,14 +13,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import Full, Queue
 from threading import Lock, Thread
+from typing import TYPE_CHECKING
+from weakref import WeakValueDictionary
 
-import torch
+import numpy as np
+from jaxtyping import Float
 from safetensors import SafetensorError
-from safetensors.torch import load, save
-from torch import Tensor
 
+from etnet.errors import EtnetError
 from etnet.files import UNFINISHED, cache_folder, write_atomically
-from etnet.nets.base import State
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from etnet.nets.base import State
 
 DEFAULT_BUDGET = 1 << 30
 STATE_SPACING = 16
@@ -33,6 +39,7 @@ _ABANDONED = 3600
 """Seconds after which an unfinished file is that of a process that was stopped."""
 _CHECKSUM_BYTES = 4
 _FRAME, _STATE = ".frame", ".state"
+_NOTES = "notes.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +69,18 @@ class DiskCache:
         self._writer: Thread | None = None
         self._lock = Lock()
         self._nbytes: int | None = None
+        self._runs: WeakValueDictionary[str, RunCache] = WeakValueDictionary()
 
     def run(self, key: str, title: str) -> RunCache:
-        """The part of the cache that holds one run; `key` names all that its frames depend on."""
-        return RunCache(self, self.folder / key, title)
+        """The part of the cache that holds one run; `key` names all that its frames depend on.
+
+        As long as somebody holds it, it is one and the same: what one of them writes the other finds.
+        """
+        with self._lock:
+            run = self._runs.get(key)
+            if run is None:
+                run = self._runs[key] = RunCache(self, self.folder / key, title)
+            return run
 
     def runs(self) -> tuple[KeptRun, ...]:
         """What is held, the most recently used first."""
@@ -76,7 +91,22 @@ class DiskCache:
         """Forget one run, or everything."""
         for folder in _folders(self.folder) if run is None else (run.folder,):
             shutil.rmtree(folder, ignore_errors=True)
+        if run is None:
+            (self.folder / _NOTES).unlink(missing_ok=True)
         self._nbytes = None
+
+    def notes(self) -> dict[str, object]:
+        """What was noted beside the runs (`keep_notes`)."""
+        try:
+            content = json.loads((self.folder / _NOTES).read_bytes())
+        except (OSError, ValueError):
+            return {}
+        return content if isinstance(content, dict) else {}
+
+    def keep_notes(self, notes: dict[str, object]) -> None:
+        """Replace what is noted beside the runs; they are no part of the budget."""
+        with contextlib.suppress(OSError, EtnetError):
+            write_atomically(self.folder / _NOTES, json.dumps(notes).encode(), flushes=False)
 
     def flush(self) -> None:
         """Wait until everything that was given is written."""
@@ -150,10 +180,25 @@ class RunCache:
             return None
         return tensors[0]
 
+    def frame_array(self, index: int) -> Float[np.ndarray, "1 1 h w"] | None:
+        """A frame as `frame` gives it, without torch; `None` if it is not there, or is of a type numpy lacks."""
+        from safetensors.numpy import load
+
+        if index not in self._frames:
+            return None
+        payload = _payload(self._folder / f"{index}{_FRAME}")
+        try:
+            arrays = [] if payload is None else list(load(payload).values())
+        except (SafetensorError, ValueError, KeyError, TypeError):
+            arrays = []
+        return arrays[0] if len(arrays) == 1 and arrays[0].dtype in (np.float32, np.float16) else None
+
     def state(self, index: int) -> State | None:
         """A state, bit for bit and in the memory format in which it was given; `None` if it is not there."""
         if index not in self._states:
             return None
+        from etnet.nets.base import State
+
         tensors = _read(self._folder / f"{index}{_STATE}")
         if tensors is None:
             self._states.discard(index)
@@ -189,6 +234,8 @@ class RunCache:
 
 def _packed(tensors: tuple[Tensor, ...]) -> bytes:
     """Tensors as safetensors behind a checksum; a name says "l" where the channels lie last in memory."""
+    from safetensors.torch import save
+
     named = {
         f"{number}{'l' if _is_channels_last(tensor) else ''}": tensor.detach().cpu().contiguous()
         for number, tensor in enumerate(tensors)
@@ -197,24 +244,39 @@ def _packed(tensors: tuple[Tensor, ...]) -> bytes:
     return zlib.crc32(content).to_bytes(_CHECKSUM_BYTES, "little") + content
 
 
-def _read(path: Path) -> tuple[Tensor, ...] | None:
+def _payload(path: Path) -> bytes | None:
+    """What a file holds behind its checksum; a damaged one is removed."""
     try:
         content = path.read_bytes()
         os.utime(path)
-        checksum, payload = content[:_CHECKSUM_BYTES], content[_CHECKSUM_BYTES:]
-        if zlib.crc32(payload) != int.from_bytes(checksum, "little"):
-            path.unlink(missing_ok=True)
-            return None
-        tensors = sorted(load(payload).items(), key=lambda item: int(item[0].rstrip("l")))
-    except (OSError, SafetensorError, ValueError):
+    except OSError:
         return None
-    return tuple(
+    checksum, payload = content[:_CHECKSUM_BYTES], content[_CHECKSUM_BYTES:]
+    if zlib.crc32(payload) != int.from_bytes(checksum, "little"):
+        path.unlink(missing_ok=True)
+        return None
+    return payload
+
+
+def _read(path: Path) -> tuple[Tensor, ...] | None:
+    import torch
+    from safetensors.torch import load
+
+    payload = _payload(path)
+    try:
+        tensors = [] if payload is None else sorted(load(payload).items(), key=lambda item: int(item[0].rstrip("l")))
+    except (SafetensorError, ValueError):
+        return None
+    found = (
         tensor.contiguous(memory_format=torch.channels_last) if name.endswith("l") else tensor
         for name, tensor in tensors
     )
+    return tuple(found) or None
 
 
 def _is_channels_last(tensor: Tensor) -> bool:
+    import torch
+
     return tensor.ndim == 4 and not tensor.is_contiguous() and tensor.is_contiguous(memory_format=torch.channels_last)
 
 

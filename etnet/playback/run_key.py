@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from torch import nn
 
 from etnet.events.recording import Recording
-from etnet.nets.base import Reconstructor
-from etnet.nets.fingerprint import weights_sha256
-from etnet.nets.runtime import Contract, contract_of
+from etnet.nets.contract import Contract
 from etnet.playback.disk_cache import DiskCache, RunCache
 from etnet.windows import Window
+
+if TYPE_CHECKING:
+    from etnet.nets.base import Reconstructor
 
 _SAMPLES, _SAMPLE_EVENTS = 16, 1 << 14
 _MOST_WINDOWS = 64
@@ -27,18 +30,35 @@ def run_cache(
 
     `None` where no name would be safe: a network whose weights cannot be read, a recording that still grows.
     """
-    if not isinstance(model, nn.Module) or recording.growth is not None or recording.latest is not None:
+    from torch import nn
+
+    from etnet.nets.fingerprint import weights_sha256
+    from etnet.nets.runtime import contract_of
+
+    if not isinstance(model, nn.Module) or grows(recording):
         return None
-    return cache.run(
-        run_key(model, recording, windows, contract_of(model)),
-        f"{recording.name} · {model.name} · {len(windows)} windows",
-    )
+    key = run_key(recording, windows, weights_sha256(model), contract_of(model))
+    return cache.run(key, f"{recording.name} · {model.name} · {len(windows)} windows")
 
 
-def run_key(model: nn.Module, recording: Recording, windows: Sequence[Window], contract: Contract) -> str:
-    """A hash of everything that decides the bits of a run's frames."""
-    parts = (recording_key(recording), weights_sha256(model), windows_key(windows), repr(contract))
+def grows(recording: Recording) -> bool:
+    """Whether a recording becomes longer: what is made of it so far has no name yet."""
+    return recording.growth is not None or recording.latest is not None
+
+
+def run_key(recording: Recording, windows: Sequence[Window], weights: str, contract: Contract) -> str:
+    """A hash of everything that decides the bits of a run's frames; `weights` is their `weights_sha256`."""
+    parts = (recording_key(recording), weights, windows_key(windows), repr(contract), code_key())
     return hashlib.sha256("|".join(parts).encode()).hexdigest()[:32]
+
+
+@lru_cache(maxsize=1)
+def code_key() -> str:
+    """A hash of the source that makes voxels and frames: another release, or an edit, may give other bits."""
+    package, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
+    for path in (*sorted((package / "nets").glob("*.py")), package / "voxel.py", package / "reconstruction.py"):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def recording_key(recording: Recording) -> str:

@@ -23,8 +23,7 @@ from app.catalogue.recordings import CatalogueError
 from app.catalogue.uploads import Uploads
 from app.catalogue.videos import Videos
 from app.catalogue.visitor import VisitorCatalogue
-from app.engine.engine import EngineStatus
-from app.engine.requests import Failed, Ready, Working
+from app.engine.requests import EngineStatus, Failed, Ready, Working
 from app.session.session import Session
 from app.state.view_state import ViewState
 from app.views import VIEWS

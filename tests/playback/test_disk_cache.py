@@ -9,6 +9,7 @@ import torch
 from etnet.cli.main import main
 from etnet.events.recording import Growth, Recording, recording_of_events
 from etnet.nets.base import State
+from etnet.nets.fingerprint import weights_sha256
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, contract_of
@@ -93,21 +94,47 @@ def test_a_frame_on_disk_is_not_decoded_again(tmp_path):
     assert counted.decoded == 0
 
 
+def test_a_frame_is_the_same_without_torch(tmp_path):
+    first, disk = _playback(tmp_path)
+    frame = first.at(3).frame
+    disk.flush()
+    recording = _recording()
+    windows = plan_windows(recording, ByCount(50))
+    run = run_cache(DiskCache(tmp_path), _model(), recording, windows)
+    assert run is not None
+    array = run.frame_array(3)
+    assert array is not None
+    assert (array == frame.numpy()).all()
+    assert run.frame_array(4) is None
+
+
+def test_those_who_hold_one_run_find_what_another_of_them_wrote(tmp_path):
+    first, disk = _playback(tmp_path)
+    other = run_cache(disk, first.model, first.recording, first.windows)
+    assert other is not None
+    first.at(2)
+    disk.flush()
+    assert 2 in other.frames
+
+
 def test_another_run_finds_nothing(tmp_path):
+    def _key(model, recording, windows, contract):
+        return run_key(recording, windows, weights_sha256(model), contract)
+
     model, recording = _model(), _recording()
     windows, contract = plan_windows(recording, ByCount(50)), contract_of(model)
-    key = run_key(model, recording, windows, contract)
+    key = _key(model, recording, windows, contract)
     other_weights = build_model("tiny", torch.Generator().manual_seed(3))
     others = [
-        run_key(other_weights, recording, windows, contract),
-        run_key(model, _recording(NUM_WINDOWS * 50 - 1), windows, contract),
-        run_key(model, recording, plan_windows(recording, ByCount(51)), contract),
-        run_key(model, recording, windows[:-1], contract),
-        run_key(model, recording, windows, dataclasses.replace(contract, threads=contract.threads + 1)),
-        run_key(model, recording, windows, dataclasses.replace(contract, isa="none")),
-        run_key(model, recording, windows, dataclasses.replace(contract, runtime=Runtime(packed=True))),
+        _key(other_weights, recording, windows, contract),
+        _key(model, _recording(NUM_WINDOWS * 50 - 1), windows, contract),
+        _key(model, recording, plan_windows(recording, ByCount(51)), contract),
+        _key(model, recording, windows[:-1], contract),
+        _key(model, recording, windows, dataclasses.replace(contract, threads=contract.threads + 1)),
+        _key(model, recording, windows, dataclasses.replace(contract, isa="none")),
+        _key(model, recording, windows, dataclasses.replace(contract, runtime=Runtime(packed=True))),
     ]
-    assert key == run_key(_model(), _recording(), plan_windows(_recording(), ByCount(50)), contract)
+    assert key == _key(_model(), _recording(), plan_windows(_recording(), ByCount(50)), contract)
     assert len({key, *others}) == len(others) + 1
 
 

@@ -37,7 +37,9 @@ class ScenePanel(Panel):
         self._scene = SceneView(self._client, dispatch)
 
     def show(self, page: Page) -> None:
-        """Draw the scene, then what its colours mean."""
+        """Draw the scene, then what its colours mean; the next picture of a drag will do where this one is left out."""
+        if not page.draws_scene:
+            return
         cloud = self._scene.show(page)
         chosen = page.state.of(SceneState).camera
         tools = "".join(

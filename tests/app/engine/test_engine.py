@@ -9,6 +9,7 @@ import pytest
 import torch
 
 import app.engine.engine as engine_module
+from app.engine import queue
 from app.engine.playbacks import KEPT_PLAYBACKS
 from app.engine.requests import Failed, Ready, Working
 from etnet.nets.intervention import Intervention
@@ -336,3 +337,17 @@ def test_many_visitors_in_any_order_get_what_the_sequential_run_gives(shelf, mak
     for visitor, index in last.items():
         assert np.array_equal(inboxes[visitor].ready(index).frame, sequential(shelf, index))
     assert not any(inbox.of(Failed) for inbox in inboxes.values())
+
+
+def test_a_visitor_whose_requests_replace_each_other_is_shown_some_all_the_same(shelf, make_engine, monkeypatch):
+    monkeypatch.setattr(queue, "GOES_WITHOUT", 0.0)
+    engine, first, second = make_engine(), Inbox(), Inbox()
+    engine.request("ada", request(0), begun := Inbox())
+    begun.ready(0)
+    gate = hold(shelf.model_instance)
+    engine.request("ada", request(1), first)
+    assert shelf.model_instance.entered.acquire(timeout=10)
+    engine.request("ada", request(2), second)
+    gate.release(100)
+    assert np.array_equal(first.ready(1).frame, sequential(shelf, 1))
+    second.ready(2)

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 
+from app.engine.prefetch import windows_ahead
 from tests.app.fakes import Inbox, hold, request, sequential
 
 
@@ -63,3 +64,9 @@ def test_preparing_a_model_that_is_missing_harms_nobody(make_engine):
     engine.prepare("missing", "fp32")
     engine.request("ada", request(0), inbox)
     inbox.ready(0)
+
+
+def test_for_one_who_plays_frames_are_prepared_in_play_order():
+    tasks = list(windows_ahead(10, 100, num_states=20, stride=3))
+    assert tasks[:4] == [("frame", 13), ("frame", 16), ("frame", 19), ("frame", 22)]
+    assert next(windows_ahead(10, 12, num_states=20, stride=3))[0] == "state"

@@ -72,3 +72,17 @@ def test_waiting_for_images_goes_on_one_window_at_a_time_and_only_when_one_has_c
 def test_nothing_is_due_while_nothing_plays_or_nothing_is_open():
     assert Player().due(ViewState(), UNEVEN, 1.0, 0) is None
     assert Player().due(ViewState(is_playing=True), Limits(), 1.0, 0) is None
+
+
+@pytest.mark.parametrize(("step_ms", "speed"), [(1.0, 1.0), (45.0, 1.0), (90.0, 0.5), (1e6, 0.02), (None, 0.1)])
+def test_playing_begins_at_the_fastest_speed_that_lasts(step_ms, speed):
+    state, player = ViewState(), Player()
+    for intent in player.before(ask.TogglePlay(), state, UNEVEN, step_ms):
+        state = reduce(state, intent, UNEVEN)
+    assert state.speed == speed
+
+
+def test_a_speed_that_was_chosen_stays():
+    player, state = Player(), ViewState()
+    assert player.before(ask.ChooseSpeed(0.1), state, UNEVEN, 1.0) == ()
+    assert player.before(ask.TogglePlay(), state, UNEVEN, 1.0) == ()
