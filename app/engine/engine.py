@@ -66,7 +66,6 @@ class Engine:
     ) -> None:
         """`live`: a source with the network that follows it, whether anybody looks or not. `disk` keeps frames between
         two starts, of recordings of which `keeps` says so (by id).
-
         `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
         """
         self._kept = KeptFrames(library, disk, keeps, device, threads)
