@@ -7,6 +7,7 @@ import pytest
 from playwright.sync_api import Error as BrowserError
 
 from tests.browser.chromium import chromium, open_page, open_workspace, require_browser
+from tests.browser.faults import SCENE
 
 ROI = (86, 60, 60, 44)
 """x, y, width, height: no multiple of 8, so that the outer tokens lie half on padding."""
@@ -66,6 +67,7 @@ def _begins_again(page):
         open_workspace(page, "inspect")
         page.locator("body").press("Home")
         page.get_by_test_id("window").get_by_text("window 0 of").wait_for()
+        page.wait_for_function(SCENE)
     except BrowserError:
         return False
     page.set_default_timeout(page.patience)

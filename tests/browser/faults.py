@@ -24,11 +24,12 @@ FAULTS = """() => {
 
   const cards = [...document.querySelectorAll(".etv-card")].filter(isSeen);
   for (const card of cards) {
-    const body = card.querySelector(".etv-body");
+    const body = card.querySelector(".etv-body") ?? card;
     const holds = body.innerText.trim() || body.querySelector("img, svg, .etv-scene-slot");
     if (body.getBoundingClientRect().height < 8 || !holds) faults.push(`${named(card)} is empty`);
     const box = card.getBoundingClientRect();
-    const foot = document.querySelector(".etv-strip")?.getBoundingClientRect().top ?? innerHeight;
+    const strip = [...document.querySelectorAll(".etv-strip")].find(isSeen);
+    const foot = strip?.getBoundingClientRect().top ?? innerHeight;
     const isOut = box.right > innerWidth + 1 || box.bottom > foot + 1;
     if (innerWidth > 600 && isOut) faults.push(`${named(card)} sticks out`);
   }
@@ -61,7 +62,7 @@ FAULTS = """() => {
     if (isBroken) faults.push(`a picture of ${named(image.closest(".et, .etv-bar"))} is broken`);
   }
 
-  const parts = ".etv-bar, .etv-card, .etv-demo figure, .etv-figure, .etv-demo-bar, [data-dock-region=right]";
+  const parts = ".etv-bar, .etv-card:not(.etv-measure), .etv-figure, .etv-demo-bar, [data-dock-region=right]";
   const blocks = [...document.querySelectorAll(parts)];
   const strip = document.querySelector(".etv-strip")?.closest("[data-floating-window]");
   if (strip) blocks.push(strip);

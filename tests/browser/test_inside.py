@@ -1,8 +1,19 @@
 """Pixel → atlas → head → mask → twin → reset, two pinned moments, and the keys of a map, in a real browser."""
 
+import pytest
+
 from tests.browser.chromium import open_page, until_window
 
 SITE, OTHER = "scale1.encoder.0.self", "scale3.encoder.1.self"
+
+
+@pytest.fixture
+def page(browser, viewer):
+    """A page of its own for each test: what is pinned, masked or opened stays in a page."""
+    opened = open_page(browser, viewer.url)
+    yield opened
+    assert opened.errors == []
+    opened.context.close()
 
 
 def click(page, key):
@@ -44,7 +55,7 @@ def test_two_moments_are_pinned_and_compared(page):
     click(page, "attention:pin:a")
     page.get_by_test_id("a-minus-b").get_by_text("share 100 %").wait_for()
     page.locator("body").press("l")
-    until_window(page, 1)
+    page.get_by_test_id("window").get_by_text("window 1 of").wait_for()
     page.get_by_test_id("pinned").get_by_text("window 0").wait_for()
     click(page, "attention:pin:b")
     page.get_by_test_id("pinned").get_by_text("window 1").wait_for()
@@ -83,12 +94,14 @@ def test_what_a_pixel_owes_to_each_part_stands_there_without_a_click_more(page):
 
 def test_a_change_that_is_carried_on_begins_at_its_window(page):
     until_window(page, 0)
+    page.locator("body").press("l")
+    until_window(page, 1)
     click(page, "set:inspect.opened:change")
     click(page, "inspect:scope:on")
     click(page, "inspect:edit:drop:0.9")
     page.get_by_test_id("outcome").wait_for()
     page.locator("body").press("j")
-    page.get_by_text("It begins at window 20: here the image is original.").wait_for()
+    page.get_by_text("It begins at window 1: here the image is original.").wait_for()
     page.get_by_test_id("chip-exact").first.wait_for()
 
 
