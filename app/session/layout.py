@@ -36,7 +36,7 @@ COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
     ("Last window", "end", ask.Seek(10**9)),
     ("Mark A here", "I", ask.MarkHere("a")),
     ("Mark B here", "O", ask.MarkHere("b")),
-    ("Clear marks", "X", ask.ClearMarks()),
+    ("Clear marks", "U", ask.ClearMarks()),
     ("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
     ("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
     ("Workspace: Compare", "3", ask.ShowWorkspace("compare")),

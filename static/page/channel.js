@@ -219,6 +219,9 @@
     (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
       if (event.target.closest?.("[role=slider], [role=radiogroup], [role=listbox], [role=menu], [role=tablist], select")) return;
+      // A map that has the focus has these keys (keys.js).
+      const isOnMap = document.documentElement.hasAttribute("data-etv-map-focus") && document.querySelector("[data-etv-query]");
+      if (isOnMap && /^(Arrow.*|[0-9[\]])$/.test(event.key)) return;
       if (arrows[event.key]) {
         event.preventDefault();
         event.stopImmediatePropagation();
