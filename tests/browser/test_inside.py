@@ -70,7 +70,9 @@ def test_keys_move_the_query_the_site_and_the_head_while_a_map_has_the_focus(pag
     page.get_by_test_id("peak").wait_for()
     page.locator("[data-card='attention.map'] [data-etv-values]").click()
     page.keyboard.press("ArrowRight")
-    page.wait_for_function("before => document.querySelector('[data-testid=token]').innerText !== before", arg=before)
+    page.wait_for_function(
+        "before => ![before, undefined].includes(document.querySelector('[data-testid=token]')?.innerText)", arg=before
+    )
     page.keyboard.press("2")
     page.get_by_test_id("head-2").and_(page.locator(".et-chosen")).wait_for()
     page.keyboard.press("]")
