@@ -106,6 +106,7 @@ class DiskCache:
     def keep_notes(self, notes: dict[str, object]) -> None:
         """Replace what is noted beside the runs; they are no part of the budget."""
         with contextlib.suppress(OSError, EtnetError):
+            self.folder.mkdir(parents=True, exist_ok=True)
             write_atomically(self.folder / _NOTES, json.dumps(notes).encode(), flushes=False)
 
     def flush(self) -> None:

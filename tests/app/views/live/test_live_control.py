@@ -91,9 +91,9 @@ def test_the_demo_runs_on_the_live_recording_and_stands_still_for_the_place_it_p
             await browser.until_shown('data-act="events"', 30)
             await browser.until(lambda: viewer.page.follows)
             assert viewer.page.state.recording_id == viewer.feed.id
-            await browser.until_shown('data-act="places"', 30)
+            await browser.until_shown('data-act="places"', 60)
             await browser.until(lambda: not viewer.page.follows and viewer.page.state.query is not None)
-            await browser.until_shown('data-act="events"', 30)
+            await browser.until_shown('data-act="events"', 90)
             await browser.until(lambda: viewer.page.follows)
 
     with live_viewer(is_demo=True) as viewer:
