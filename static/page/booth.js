@@ -43,6 +43,8 @@
     if (isPublic && Date.now() - seenAt > LOST) wait();
   }, 250);
 
+  document.addEventListener("etnet-lost", () => isPublic && wait()); // the page stands, its server is gone
+
   // viser's list of commands, its own menus and the browser's are not for the public.
   window.addEventListener(
     "keydown",

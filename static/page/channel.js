@@ -385,6 +385,7 @@
     } catch {
       misses += 1;
       lost.hidden = misses < 2;
+      if (misses >= 2) document.dispatchEvent(new Event("etnet-lost"));
     }
   }, 3500);
 

@@ -44,6 +44,9 @@ def desk(browser, recording_file, tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(browser, desk):
     opened = open_page(browser, desk[0].url, 1600, 900)
+    until_window(opened, 0)
+    opened.keyboard.press("PageDown")
+    opened.keyboard.press("PageDown")
     until_window(opened, 20)
     opened.keyboard.press("3")
     yield opened
@@ -82,7 +85,6 @@ def expected(desk, recording_file):
 def test_three_runs_scrub_together_with_the_right_numbers(runs, expected):
     for index in (19, 18):
         runs.locator("body").press("j")
-        until_window(runs, index)
         for name in "AB":
             runs.get_by_alt_text(f"Run {name}: window {index}", exact=True).wait_for(timeout=120_000)
             runs.get_by_test_id(f"value-of-{name}").wait_for(timeout=120_000)
