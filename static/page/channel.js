@@ -219,7 +219,8 @@
     (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
       if (event.target.closest?.("[role=slider], [role=radiogroup], [role=listbox], [role=menu], [role=tablist], select")) return;
-      // A map that has the focus has these keys (keys.js).
+      // In the demo arrows move the spot (demo_keys.js); a map that has the focus has its keys (keys.js).
+      if (/^Arrow/.test(event.key) && document.querySelector('[data-etv-workspace="demo"]')) return;
       const isOnMap = document.documentElement.hasAttribute("data-etv-map-focus") && document.querySelector("[data-etv-query]");
       if (isOnMap && /^(Arrow.*|[0-9[\]])$/.test(event.key)) return;
       if (arrows[event.key]) {

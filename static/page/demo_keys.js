@@ -14,7 +14,7 @@
 
   const move = (dx, dy) => {
     const ring = document.querySelector(".etv-image .et-cross");
-    if (ring) spot = [parseFloat(ring.style.left) / 100, parseFloat(ring.style.top) / 100];
+    if (ring) spot = ["--u", "--v"].map((name) => Number(ring.style.getPropertyValue(name)));
     spot = [inside(spot[0] + dx * STEP), inside(spot[1] + dy * STEP * 1.33)];
     say("pick", "pixel", spot[0].toFixed(4), spot[1].toFixed(4));
   };

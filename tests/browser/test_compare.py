@@ -144,7 +144,9 @@ def test_means_are_right_and_a_click_on_a_worst_frame_goes_there(runs, expected)
         wanted = np.array([values["lpips"] for values in expected[0][name]])
         shown = float(runs.get_by_test_id(f"mean-{name}-lpips").get_attribute("data-value"))
         assert shown == pytest.approx(wanted.mean(), rel=1e-6)
-    assert runs.locator("[data-testid=strip] path[data-run]").count() == 2
+    runs.wait_for_function(
+        "document.querySelectorAll('[data-testid=strip] path[data-run]').length === 2", timeout=10_000
+    )
     assert runs.locator("[data-testid=chart] path[data-run]").count() == 2
     first = runs.get_by_test_id("worst-A").locator("button").first
     seconds = float(first.inner_text().split(" s")[0])
