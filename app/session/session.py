@@ -200,8 +200,7 @@ class Session:
             case JobNews():
                 if self._studying.take(item):
                     self._is_dirty = True
-                    for intent in self._showing.hand_over(item):
-                        self._reduce(intent)
+                    self._reduce(*self._showing.hand_over(item))
                 return
             case RunPlanned() | RunReply():
                 self._is_dirty |= self._comparing.take(item)
@@ -216,8 +215,7 @@ class Session:
                         self._held.forget_refusal()
                         self._state = before
                         self._layout.arrange(self._state)
-                for intent in follows:
-                    self._reduce(intent)
+                self._reduce(*follows)
             case _:
                 self._has_asked = True
                 self._answer(Touched())

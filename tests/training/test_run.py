@@ -12,6 +12,7 @@ from typing import Literal
 import pytest
 import torch
 
+from etnet.errors import EtnetError
 from etnet.nets.weights import load_weights, save_weights
 from etnet.training import loop
 from etnet.training.checkpoint import LAST, load_checkpoint, save_checkpoint
@@ -166,7 +167,7 @@ def test_a_torn_write_leaves_the_old_checkpoint(tmp_path: Path, monkeypatch: pyt
         raise OSError("no space left on device")
 
     monkeypatch.setattr(torch, "save", torn)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(EtnetError, match="no space"):
         save_checkpoint(run.checkpoint(), tmp_path / LAST)
     assert load_checkpoint(tmp_path / LAST).update == 1
     assert not list(tmp_path.glob("*.tmp"))
