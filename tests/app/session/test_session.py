@@ -157,7 +157,7 @@ def test_what_cannot_be_opened_is_told_and_the_page_goes_on(viewer):
         assert browser.notices[0]["body"] == "broken.h5: the file ends at byte 12; copy it again"
         await press(browser, "tab:recording")
         await browser.until_shown("the file ends at byte 12")
-        await browser.use(browser.widget("Recording"), "recording b")
+        await press(browser, "open:b")
         await browser.until(lambda: viewer.engine.requests[-1][1].recording_id == "b")
         await browser.until_shown("window 0 of 0 – 19")
 
