@@ -19,6 +19,7 @@ from websockets.exceptions import ConnectionClosed
 
 from app.catalogue.mirror import SENSOR, Mirror, MirrorError, Mirrors
 from etnet.errors import EtnetError
+from etnet.plain_values import bounded_json
 
 PATH = "/camera"
 LONGEST_TEXT = 500
@@ -76,12 +77,12 @@ class CameraEndpoint:
 async def _ticket(connection: ServerConnection) -> str:
     try:
         text = await asyncio.wait_for(connection.recv(), GREETING)
-        if not isinstance(text, str) or len(text) > LONGEST_TEXT:
+        if not isinstance(text, str):
             raise ValueError
-        return str(json.loads(text)["ticket"])
+        return str(bounded_json(text, LONGEST_TEXT)["ticket"])
     except TimeoutError:
         raise MirrorError("nothing was said about the camera; load the page again") from None
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError):
         raise MirrorError("what was said about the camera cannot be understood; load the page again") from None
 
 
@@ -108,9 +109,9 @@ async def _take(connection: ServerConnection, mirror: Mirror) -> None:
 def _set(mirror: Mirror, text: str) -> None:
     """What the sliders say; what cannot be understood changes nothing."""
     try:
-        said = json.loads(text[:LONGEST_TEXT])
+        said = bounded_json(text, LONGEST_TEXT)
         sensitivity, noise = float(said["contrast"]), float(said["noise"])
-    except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
+    except (ValueError, TypeError, KeyError, OverflowError):
         return
     if math.isfinite(sensitivity) and math.isfinite(noise):
         mirror.set(sensitivity, noise)

@@ -16,6 +16,7 @@ from websockets.exceptions import ConnectionClosed
 
 from app.catalogue.uploads import Uploads
 from app.catalogue.visitor_uploads import Transfer, UploadError
+from etnet.plain_values import bounded_json
 
 PATH = "/upload"
 CHUNK = 256 << 10
@@ -79,11 +80,11 @@ async def _greeting(connection: ServerConnection) -> tuple[str, str, int]:
     except TimeoutError:
         raise UploadError("nothing was said about the file; load the page again") from None
     try:
-        if not isinstance(text, str) or len(text) > LONGEST_GREETING:
+        if not isinstance(text, str):
             raise ValueError
-        said = json.loads(text)
+        said = bounded_json(text, LONGEST_GREETING)
         return str(said["ticket"]), str(said["name"]), int(said["size"])
-    except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
+    except (ValueError, TypeError, KeyError, OverflowError):
         raise UploadError("what was said about the file cannot be understood; load the page again") from None
 
 
