@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from rich.markup import escape
 
+from etnet.cli import many
+from etnet.cli.many import Share, this_share
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
@@ -65,13 +66,14 @@ def run(config: Evaluate) -> int:
 
     models, recordings = sort_items(config.items) if config.items else _bundled()
     jobs = _jobs(config, models, recordings)
-    rank, num_ranks = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+    share = this_share()
+    mine = _dealt(jobs, share)
     judges = _judges(config)
-    _forget_failures(config.out, rank, num_ranks)
+    _forget_failures(config.out, share.rank, share.size)
     failures: list[Failure] = []
     loaded: tuple[str, Network] | None = None
     for number, job in enumerate(jobs):
-        if number % num_ranks != rank:
+        if job not in mine:
             continue
         label = f"[{number + 1}/{len(jobs)}] {job.model} on {job.recording.name}"
         try:
@@ -81,13 +83,20 @@ def run(config: Evaluate) -> int:
         except EtnetError as error:
             failures.append(Failure(job.model, job.recording.name, str(error)))
             _say(f"{label}: failed, {error}")
-    _write_failures(config.out, rank, failures)
+    _write_failures(config.out, share.rank, failures)
     report = _collect(config, jobs)
     if report is None:
         _say("other processes are still at work; the last one writes the report")
         return 1 if failures else 0
     _write_report(report, config.out)
     return 1 if report.failures else 0
+
+
+def _dealt(jobs: list[Job], share: Share) -> set[Job]:
+    """This process's jobs: recordings weigh as much as their files, and every model has the same recordings."""
+    by_folder = {job.target: job for job in jobs}
+    sized = [many.Job(job.recording, job.target, many.nbytes_of(job.recording)) for job in jobs]
+    return {by_folder[job.folder] for job in many.dealt(sized, share)}
 
 
 def sort_items(items: tuple[str, ...]) -> tuple[list[str], list[Path]]:

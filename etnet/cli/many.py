@@ -92,7 +92,7 @@ def jobs_of(recordings: Sequence[Path], out: Path) -> tuple[Job, ...]:
     jobs = []
     for path, stem in zip(recordings, stems, strict=True):
         mark = "" if stems.count(stem) == 1 else f"-{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:6]}"
-        jobs.append(Job(path, out / f"{stem}{mark}", _nbytes(path)))
+        jobs.append(Job(path, out / f"{stem}{mark}", nbytes_of(path)))
     return tuple(jobs)
 
 
@@ -238,7 +238,8 @@ def _recordings_below(path: Path, out: Path) -> list[Path]:
     return found
 
 
-def _nbytes(path: Path) -> int:
+def nbytes_of(path: Path) -> int:
+    """The bytes of a file, or of all files below a folder."""
     files = [path] if path.is_file() else [each for each in path.rglob("*") if each.is_file()]
     return sum(each.stat().st_size for each in files)
 

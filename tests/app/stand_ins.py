@@ -289,13 +289,13 @@ class Browser:
         """What a visitor reads."""
         return re.sub(r"<[^>]+>", "", self.html())
 
-    async def until(self, condition, patience=15.0):
+    async def until(self, condition, patience=60.0):
         ends = time.monotonic() + patience
         while not condition():
             assert time.monotonic() < ends, self.html()[-3000:]
             await asyncio.sleep(0.01)
 
-    async def until_shown(self, text, patience=15.0):
+    async def until_shown(self, text, patience=60.0):
         await self.until(lambda: text in self.html() or text in self.words(), patience)
 
 

@@ -65,13 +65,15 @@ def test_a_recording_that_cannot_be_scored_is_a_failure_with_a_name_and_the_rest
     assert report(folder)["failures"] == []
 
 
-def test_two_processes_share_the_pairs_and_the_last_writes_the_report(folder: Path, monkeypatch) -> None:
-    monkeypatch.setenv("WORLD_SIZE", "2")
-    monkeypatch.setenv("RANK", "1")
+@pytest.mark.parametrize("names", [("RANK", "WORLD_SIZE"), ("SLURM_PROCID", "SLURM_NTASKS")])
+def test_two_processes_share_the_pairs_and_the_last_writes_the_report(folder: Path, monkeypatch, names) -> None:
+    rank, size = names
+    monkeypatch.setenv(size, "2")
+    monkeypatch.setenv(rank, "1")
     assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 0
     assert len(list((folder / "out" / "scores").glob("*.json"))) == 1
     assert not (folder / "out" / "report.json").exists()
-    monkeypatch.setenv("RANK", "0")
+    monkeypatch.setenv(rank, "0")
     assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 0
     assert len(report(folder)["scores"]) == 2
 

@@ -242,19 +242,19 @@ def test_the_form_follows_its_own_choices_while_the_page_rests():
     async def story(viewer, browser):
         is_shown = lambda label: browser.widgets[browser.widget(label)]["visible"]  # noqa: E731
         await asyncio.sleep(1.0)  # the page has come to rest: nothing but the form makes it draw
-        await browser.until(lambda: is_shown("Scale") and is_shown("Frames a second"), patience=2.0)
+        await browser.until(lambda: is_shown("Scale") and is_shown("Frames a second"))
         await browser.use(browser.widget("Format"), "Numbers of every window (CSV)")
-        await browser.until(lambda: not (is_shown("Speed") or is_shown("Burn in timestamps")), patience=2.0)
-        await browser.until(lambda: "etnet export csv" in words(browser), patience=2.0)
+        await browser.until(lambda: not (is_shown("Speed") or is_shown("Burn in timestamps")))
+        await browser.until(lambda: "etnet export csv" in words(browser))
         assert not is_shown("States (large)")
         await browser.use(browser.widget("Format"), "Picture of this window (PNG)")
-        await browser.until(lambda: is_shown("Picture") and is_shown("Burn in timestamps"), patience=2.0)
+        await browser.until(lambda: is_shown("Picture") and is_shown("Burn in timestamps"))
         await browser.use(browser.widget("Picture"), "the whole layout")
-        await browser.until(lambda: not is_shown("Burn in timestamps"), patience=2.0)
+        await browser.until(lambda: not is_shown("Burn in timestamps"))
         await browser.use(browser.widget("Format"), "Arrays (NPZ)")
-        await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"), patience=2.0)
+        await browser.until(lambda: is_shown("States (large)") and is_shown("Camera frames"))
         await browser.use(browser.widget("States (large)"), True)
-        await browser.until(lambda: "--what frames voxels states" in words(browser), patience=2.0)
+        await browser.until(lambda: "--what frames voxels states" in words(browser))
 
     visit(story)
 
