@@ -93,7 +93,7 @@ class Engine:
     # What other threads may call; none of it waits for the model.
 
     def request(self, visitor: str, request: FrameRequest, deliver: Deliver) -> None:
-        """FrameRequest for something; the visitor's former request, if it is not granted yet, is dropped.
+        """Ask for something; the visitor's former request, if it is not granted yet, is dropped.
 
         A frame that was given lately is delivered at once, on the caller's thread: it need not wait for a step.
         """

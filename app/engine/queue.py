@@ -47,7 +47,7 @@ class RequestQueue:
         self._clock = 0
 
     def put(self, visitor: str, request: FrameRequest, deliver: Deliver, is_shown: bool = False) -> PendingRequest:
-        """FrameRequest for something; what the visitor wished for before is forgotten."""
+        """Ask for something; what the visitor wished for before is forgotten."""
         with self.changed:
             turn = PendingRequest(visitor, request, deliver, is_shown)
             self._waiting[visitor] = self._last[visitor] = turn

@@ -70,7 +70,7 @@ class RequestSink(Protocol):
     """The engine, as far as requests go."""
 
     def request(self, visitor: str, request: FrameRequest, deliver: Deliver) -> None:
-        """FrameRequest for something."""
+        """Ask for something."""
         ...
 
     def drop(self, visitor: str) -> None:

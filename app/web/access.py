@@ -26,9 +26,7 @@ from app.web.requests import Origin, RequestError, cookie_of, host_of, origin_of
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
 COOKIE = "etnet_view"
-LARGEST_MESSAGE = 300_000
-"""Bytes of one message of a page: a little more than the largest that ours sends, a chunk of a file. A connection
-holds up to 16 of them before it stops reading."""
+"""Begins a cookie's name; the port follows, because browsers keep cookies by host alone."""
 VISER_UPLOAD = b"FileTransferStartUpload"
 """What a message that lets viser hold a file begins with, somewhere: viser keeps the bytes in memory, without a cap."""
 PAGE_HEADERS = {
@@ -36,7 +34,7 @@ PAGE_HEADERS = {
     "Content-Security-Policy": "sandbox allow-scripts allow-downloads",
     "Cache-Control": "no-store",
 }
-"""Begins a cookie's name; the port follows, because browsers keep cookies by host alone."""
+"""Of a page that was taken home: it reads neither cookie nor storage of the viewer."""
 SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",

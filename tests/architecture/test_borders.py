@@ -5,8 +5,11 @@ import importlib
 import pkgutil
 import subprocess
 import sys
+from configparser import ConfigParser
+from graphlib import TopologicalSorter
 from pathlib import Path
 
+import grimp
 import pytest
 
 import etnet
@@ -38,6 +41,20 @@ def test_imports_run_one_way():
     command = [sys.executable, "-c", code, "--config", str(ROOT / ".importlinter"), "--no-cache"]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_no_module_depends_on_itself_by_others():
+    """Imports for types and within functions count."""
+    graph = grimp.build_graph("etnet", "app", cache_dir=None)
+    imports = {module: graph.find_modules_directly_imported_by(module) - {module} for module in graph.modules}
+    TopologicalSorter(imports).prepare()  # raises CycleError with the circle
+
+
+def test_every_view_is_under_the_contract_of_views():
+    contract = ConfigParser()
+    contract.read(ROOT / ".importlinter")
+    listed = set(contract["importlinter:contract:views"]["source_modules"].split())
+    assert listed == {f"app.views.{path.parent.name}" for path in (ROOT / "app" / "views").glob("*/__init__.py")}
 
 
 @pytest.mark.parametrize("package", ["etnet", "app"])
