@@ -10,8 +10,8 @@ import viser
 from app.state.stored import from_text, to_text
 from app.state.view_state import Slice, ViewState
 
-PATIENCE = 2.0
-"""Seconds to wait for the browser's answer."""
+PATIENCE = 5.0
+"""Seconds to wait for the browser's answer: a busy machine answers late, and a view that is not waited for is lost."""
 BETWEEN_WRITES = 0.7
 
 
