@@ -28,7 +28,7 @@ WORKSPACES = ("inspect", "attention", "compare", "recording", "demo")
 """In the order of the keys 1 … 5."""
 PLAY, PAUSE = re.compile("^Play( |$)"), re.compile("^Pause( |$)")
 """Names of the button that plays."""
-PATIENCE = 60_000
+PATIENCE = 120_000
 """Milliseconds: two cores render the page, run the network and draw the scene in software."""
 
 
