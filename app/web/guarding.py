@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import http
 import logging
-import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -24,6 +23,7 @@ from websockets.http11 import Request, Response
 from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
 from app.web.messages import FIRST, MessageError, fate_of, read_message
 from app.web.peer import note_peer
+from app.web.rate import Rate
 
 LARGEST_MESSAGE = 300_000
 """Bytes of one message of a page: a little more than the largest that ours sends, a chunk of a file. A connection
@@ -171,7 +171,7 @@ class Checked:
         self._widget = widget
         self._receive = connection.recv
         self._is_first = True
-        self._left, self._counted_at = BURST, time.monotonic()
+        self._rate = Rate(RATE, BURST)
 
     def begin(self) -> None:
         """From now on viser gets what passes."""
@@ -179,7 +179,7 @@ class Checked:
 
     async def _recv(self, decode: bool | None = None) -> bytes:
         while True:
-            await self._wait_for_turn()
+            await self._rate.wait()
             try:
                 raw = await asyncio.wait_for(self._receive(), SILENCE if self._is_first else None)
                 message = read_message(raw, self._is_first)
@@ -198,14 +198,6 @@ class Checked:
                 if fate != "pass":
                     continue
             return message.raw
-
-    async def _wait_for_turn(self) -> None:
-        """Messages are counted against a rate; what is not read stays in the sender's own buffers."""
-        now = time.monotonic()
-        self._left = min(self._left + (now - self._counted_at) * RATE, BURST) - 1
-        self._counted_at = now
-        if self._left < 0:
-            await asyncio.sleep(-self._left / RATE)
 
     async def _close(self, why: str) -> None:
         """End the connection with a code; the next `recv` raises ConnectionClosed."""
