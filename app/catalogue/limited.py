@@ -18,6 +18,10 @@ def told_and_limited() -> dict[str, Any]:
     """What this process is to do; from here on it has the limits that it was told."""
     told: dict[str, Any] = json.loads(sys.stdin.readline())
     _limit(told["memory"], told["seconds"], told["bytes"])
+
+    from etnet.child_process import end_with_parent
+
+    end_with_parent()
     return told
 
 
@@ -26,8 +30,3 @@ def _limit(memory: int, seconds: int, written: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     resource.setrlimit(resource.RLIMIT_FSIZE, (written, written))
-    if sys.platform == "linux":
-        import ctypes
-        import signal
-
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

