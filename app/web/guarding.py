@@ -21,7 +21,6 @@ from websockets.exceptions import ConnectionClosed, SecurityError
 from websockets.http11 import Request, Response
 
 from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
-from app.web.cut_offs import CutOffs
 from app.web.messages import FIRST, MessageError, fate_of, read_message
 from app.web.peer import note_peer
 from app.web.rate import Rate
@@ -119,7 +118,6 @@ class Gate:
         self._process = process_request
         self._widget = widget
         self._sockets: Counter[str] = Counter()
-        self._cut_offs = CutOffs()
 
     def ask(self, connection: ServerConnection, request: Request) -> Awaitable[Response | None] | Response | None:
         """The answer to a request; `None` where it becomes a websocket."""
@@ -156,11 +154,8 @@ class Gate:
             elif connection.subprotocol != f"viser-v{viser.__version__}":
                 theirs = (connection.subprotocol or "viser-vunknown").removeprefix("viser-v")[:20]
                 await connection.close(1002, f"Version mismatch. Client: {theirs}, Server: {viser.__version__}")
-            elif (wait := self._cut_offs.wait_of(address)) is None:
-                await connection.close(1013, "too many pages from your address were cut off; try again in a minute")
             else:
-                await asyncio.sleep(wait)
-                Checked(connection, self._widget, lambda: self._cut_offs.note(address)).begin()
+                Checked(connection, self._widget).begin()
                 await self._handler(connection)
         finally:
             self._sockets[address] -= 1
@@ -171,10 +166,9 @@ class Gate:
 class Checked:
     """Reads a page's messages for viser: none that ours does not send, none too fast, the first one in time."""
 
-    def __init__(self, connection: ServerConnection, widget: Widget, note_cut_off: Callable[[], object]) -> None:
+    def __init__(self, connection: ServerConnection, widget: Widget) -> None:
         self._connection = connection
         self._widget = widget
-        self._note_cut_off = note_cut_off
         self._receive = connection.recv
         self._is_first = True
         self._rate = Rate(RATE, BURST)
@@ -207,7 +201,6 @@ class Checked:
 
     async def _close(self, why: str) -> None:
         """End the connection with a code; the next `recv` raises ConnectionClosed."""
-        self._note_cut_off()
         _log.warning("a page was cut off: it sent %s", why, extra={"kind": "cut off"})
         with suppress(ConnectionClosed, TimeoutError):
             await asyncio.wait_for(self._connection.close(1008, "not what this page sends"), CLOSING)

@@ -12,7 +12,7 @@ import viser
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from app.web import cut_offs, guarding
+from app.web import guarding
 from app.web.bounded_log import BoundedHandler
 from tests.app.stand_ins import Browser, served
 from tests.app.web.fuzz_messages import CAMERA, frames
@@ -76,21 +76,6 @@ def test_a_page_that_does_not_say_where_it_looks_is_cut(viewer, monkeypatch):
     assert time.monotonic() - began < 4
 
 
-def test_who_is_cut_off_again_and_again_comes_in_more_slowly(monkeypatch):
-    monkeypatch.setattr(cut_offs, "FREE", 1)
-    monkeypatch.setattr(cut_offs, "STEP", 0.5)
-
-    async def story(port):
-        for _ in range(2):
-            assert await end_of(port, b"no message") == 1008
-        began = time.monotonic()
-        assert await end_of(port, b"no message") == 1008
-        return time.monotonic() - began
-
-    with served() as viewer:
-        assert asyncio.run(story(viewer.port)) > 0.4
-
-
 def test_an_address_has_a_limit_of_sockets(viewer, monkeypatch):
     monkeypatch.setattr(guarding, "MOST_SOCKETS", 3)
 
@@ -128,12 +113,6 @@ def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
             assert sorted(took)[2] < 1.5
 
     asyncio.run(story())
-
-
-@pytest.fixture
-def unslowed(monkeypatch):
-    """However often a page is cut off, the next one comes in at once."""
-    monkeypatch.setattr(cut_offs, "FREE", 10**9)
 
 
 def fuzz(viewer, count, seed):
@@ -181,14 +160,14 @@ def fuzz(viewer, count, seed):
 
 # A page that ends while it is drawn is what happens here; the viewer says nothing of it, either (`app.main`).
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection:UserWarning")
-def test_hostile_frames_make_no_traceback_and_end_nobody_else(viewer, unslowed):
+def test_hostile_frames_make_no_traceback_and_end_nobody_else(viewer):
     records = fuzz(viewer, 300, seed=3)
     assert [record.getMessage() for record in records if record.exc_info] == []
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection:UserWarning")
-def test_many_hostile_frames_make_no_traceback_and_end_nobody_else(viewer, unslowed):
+def test_many_hostile_frames_make_no_traceback_and_end_nobody_else(viewer):
     records = fuzz(viewer, 10_000, seed=4)
     assert [record.getMessage() for record in records if record.exc_info] == []
 
