@@ -55,6 +55,9 @@ async def polite(port: int, tab: int, seconds: float) -> list[float]:
 async def crowd(port: int, num: int, first_tab: int, seconds: float) -> list[float]:
     """So many polite visitors."""
     took = await asyncio.gather(*(polite(port, first_tab + i, seconds) for i in range(num)), return_exceptions=True)
+    for each in took:
+        if not isinstance(each, list):
+            print(f"a visitor failed: {each!r:.200}", file=sys.stderr)
     return [second for each in took if isinstance(each, list) for second in each]
 
 
@@ -90,14 +93,17 @@ async def babbling(port: int, seconds: float) -> None:
 async def silent(port: int, seconds: float) -> None:
     """Opens sockets that say nothing, and asks for pages that are none."""
     import viser
-    from websockets.asyncio.client import connect
+
+    from tests.app import stand_ins
 
     ends = time.monotonic() + seconds
     async with contextlib.AsyncExitStack() as stack:
         while time.monotonic() < ends:
             with contextlib.suppress(Exception):
                 await stack.enter_async_context(
-                    connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=2)
+                    stand_ins.connect(
+                        f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=2
+                    )
                 )
             with contextlib.suppress(Exception):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -113,7 +119,13 @@ ROLES = {"crowd": crowd, "flooding": flooding, "babbling": babbling, "silent": s
 
 
 def play(role: str, *arguments: float) -> None:
-    """What one process plays."""
+    """What one process plays. Each hostile one has an address of its own, as it would have in a network."""
+    from functools import partial
+
+    from tests.app import stand_ins
+
+    own = f"127.0.0.{2 + list(ROLES).index(role)}"
+    stand_ins.connect = partial(stand_ins.connect, local_addr=(own, 0))
     *whole, seconds = arguments
     print(json.dumps(asyncio.run(ROLES[role](*map(int, whole), seconds))))
 
