@@ -174,13 +174,14 @@ def main() -> None:
     bound_logs()
     load = os.getloadavg()[0]
     viewer = Viewer(ViewerConfig(port=0, model=told.model, threads=1))
-    frames: dict[tuple[str, str, object, int], set[str]] = {}
+    frames: dict[tuple[str, str, str, object, int], set[str]] = {}
     ask = viewer.engine.request
 
     def request(visitor, wanted, deliver):
         def heard(reply):
             if isinstance(reply, Ready) and reply.is_exact and reply.request.is_original:
-                key = reply.request.recording_id, reply.request.model_id, reply.request.policy, reply.request.index
+                asked = reply.request
+                key = asked.recording_id, asked.model_id, asked.precision, asked.policy, asked.index
                 frames.setdefault(key, set()).add(hashlib.sha256(np.ascontiguousarray(reply.frame)).hexdigest())
             deliver(reply)
 
@@ -191,7 +192,7 @@ def main() -> None:
     fill(viewer)
     drags(viewer.port, told.visitors, 5, ("flooding",), 1)
     told_of("drags without hostile visitors")
-    alone = drags(viewer.port, told.visitors, told.seconds / 2, (), 10)
+    alone = drags(viewer.port, told.visitors, min(told.seconds / 2, 120), (), 10)
     rest()
     before = resident(), threading.active_count()
     told_of("drags beside hostile visitors")
@@ -199,8 +200,8 @@ def main() -> None:
     rest()
     after = resident(), threading.active_count()
     told_of("the sequential run")
-    different = compared(viewer, frames)
     viewer.stop()
+    different = compared(viewer, frames)
     figures = {
         "visitors": told.visitors, "seconds": told.seconds,
         "drags alone": len(alone), "p90 alone, ms": p90(alone),
@@ -256,15 +257,16 @@ def rest() -> None:
 
 
 def compared(viewer, frames) -> int:
-    """How many exact frames are not, bit for bit, those of the sequential run."""
-    from app.engine.playbacks import load_network
+    """How many exact frames are not, bit for bit, those of the sequential run of the same network and runtime."""
     from etnet.reconstruction import reconstruct
 
-    different, runs = 0, {key[:3] for key in frames}
-    for recording_id, model_id, policy in runs:
-        model = load_network(viewer.catalogue.model(model_id), "fp32", "cpu")
+    different, runs = 0, {key[:4] for key in frames}
+    for run in runs:
+        recording_id, model_id, precision, policy = run
+        model, _ = viewer.engine._playbacks.model(model_id, precision)
+        print(f"{model_id}, {precision}: {getattr(model, 'runtime', None)}", file=sys.stderr)
         for window, step in reconstruct(model, viewer.catalogue.open(recording_id), policy):
-            shown = frames.get((recording_id, model_id, policy, window.index), set())
+            shown = frames.get((*run, window.index), set())
             truth = hashlib.sha256(np.ascontiguousarray(step.frame[0, 0].float().numpy())).hexdigest()
             different += len(shown - {truth})
     return different
