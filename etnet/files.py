@@ -43,7 +43,7 @@ def replacing(path: Path, flushes: bool = True, suffix: str = "") -> Iterator[Pa
     """
     check_target(path)
     _sweep_once(path.parent)
-    beside = path.with_name(f".{path.name[:60]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{suffix}")
+    beside = _beside(path, suffix)
     try:
         yield beside
         if flushes:
@@ -54,6 +54,29 @@ def replacing(path: Path, flushes: bool = True, suffix: str = "") -> Iterator[Pa
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def working_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to make it in. It goes in the end; after a kill, at the next use in that place."""
+    _sweep_once(path.parent)
+    beside = _beside(path, "")
+    try:
+        beside.mkdir(parents=True)
+        yield beside
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def replace_folder(made: Path, path: Path) -> None:
+    """Put a whole folder in the place of another one, or of none; both lie on one disk."""
+    former = _beside(path, "")
+    if path.exists():
+        os.replace(path, former)
+    os.replace(made, path)
+    shutil.rmtree(former, ignore_errors=True)
 
 
 def write_atomically(path: Path, content: bytes, flushes: bool = True) -> None:
@@ -115,6 +138,10 @@ def in_megabytes(num_bytes: int) -> str:
     if num_bytes < 100_000:
         return f"{-(-num_bytes // 100) / 10:,.1f}".removesuffix(".0") + " kB"
     return f"{-(-num_bytes // 100_000) / 10:,.1f}".removesuffix(".0") + " MB"
+
+
+def _beside(path: Path, suffix: str) -> Path:
+    return path.with_name(f".{path.name[:60]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{suffix}")
 
 
 def _flush(path: Path) -> None:

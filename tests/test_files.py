@@ -8,7 +8,15 @@ from pathlib import Path
 import pytest
 
 from etnet.errors import EtnetError
-from etnet.files import in_megabytes, printable, replacing, sweep_unfinished, write_atomically
+from etnet.files import (
+    in_megabytes,
+    printable,
+    replace_folder,
+    replacing,
+    sweep_unfinished,
+    working_folder,
+    write_atomically,
+)
 
 
 def test_a_file_takes_its_place_when_it_is_whole(tmp_path):
@@ -52,6 +60,29 @@ def test_what_a_killed_process_left_is_swept_and_what_a_living_one_writes_is_not
     (folder / "0.npy").write_bytes(b"half")
     sweep_unfinished(tmp_path)
     assert sorted(os.listdir(tmp_path)) == sorted([living.name, "other.unfinished"])
+
+
+def test_a_folder_is_made_beside_its_place_and_takes_it_whole(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "old").write_bytes(b"")
+    with working_folder(tmp_path / "a") as work:
+        (work / "made").mkdir()
+        (work / "made" / "new").write_bytes(b"")
+        replace_folder(work / "made", tmp_path / "a")
+    assert os.listdir(tmp_path) == ["a"]
+    assert os.listdir(tmp_path / "a") == ["new"]
+
+
+def test_a_folder_that_a_killed_process_worked_in_is_swept(tmp_path):
+    script = (
+        "import os, signal, sys\nfrom pathlib import Path\nfrom etnet.files import working_folder\n"
+        "with working_folder(Path(sys.argv[1])) as work:\n"
+        "    (work / 'half').write_bytes(b'half')\n    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", script, str(tmp_path / "a")], check=False)
+    assert len(os.listdir(tmp_path)) == 1
+    sweep_unfinished(tmp_path)
+    assert os.listdir(tmp_path) == []
 
 
 FULL = """

@@ -56,8 +56,11 @@ def content_of(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_sample_comes_out_of_a_source_package_that_cannot_be_built(package, tmp_path):
+def test_a_sample_comes_out_of_a_source_package_that_cannot_be_built(package, tmp_path, monkeypatch):
     toy, heard = toy_of(package), []
+    # What lies in the current folder is not run, whatever it is called.
+    (tmp_path / "pip.py").write_text("raise SystemExit('the wrong pip')")
+    monkeypatch.chdir(tmp_path)
     assert cached(toy) is None
     folder = fetch(toy, progress=heard.append)
     assert folder == tmp_path / "cache" / "toy"

@@ -1,33 +1,29 @@
 """Opens a stranger's file in a process of its own, with limits: a crash, or too much of anything, is one sentence.
 
-What comes back is a recording that our own writer wrote, beside the file; events, stamps and the camera's frames are
-the file's, what the plain layout cannot hold is told.
+What comes back is a recording that our own writer wrote, beside the file; events, stamps, the camera's frames, triggers
+and motion are the file's, what the plain layout cannot hold is told.
 """
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
-import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from app.catalogue import opening_child
+from app.catalogue.child_process import end, started, why_it_ended
+from app.catalogue.plain_tables import read_tables
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.assumptions import Assumptions
-from etnet.events.recording import Remark
+from etnet.events.recording import Inertial, Recording, Remark
+from etnet.events.triggers import Triggers
 from etnet.plain_values import PlainError, bounded_json, fitted
 
-MEMORY = 3 << 30
-"""Bytes of address space; the libraries alone take one."""
 SECONDS = 60
 """Of CPU time."""
 PATIENCE = 120.0
@@ -40,6 +36,20 @@ _KINDS = ("detected", "repaired", "assumed", "advice")
 _room = threading.Semaphore(MOST_AT_ONCE)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class OpenedApart:
+    """A plain recording at `path`, and what else the file holds or was noticed of it."""
+
+    path: Path
+    remarks: tuple[Remark, ...]
+    triggers: Triggers | None = None
+    inertial: Inertial | None = None
+
+    def completed(self, plain: Recording) -> Recording:
+        """The plain recording with all that."""
+        return replace(plain, remarks=self.remarks, opened_as=None, triggers=self.triggers, inertial=self.inertial)
+
+
 def open_apart(
     path: Path,
     assume: Assumptions,
@@ -47,8 +57,8 @@ def open_apart(
     progress: Callable[[float], None],
     is_wanted: Callable[[], bool],
     seconds: int = SECONDS,
-) -> tuple[Path, tuple[Remark, ...]]:
-    """A plain recording of what lies in `path`, beside it, and what was noticed.
+) -> OpenedApart:
+    """A plain recording of what lies in `path`, beside it.
 
     `largest`: bytes that it may have. It ends when `is_wanted` says no, or `progress` raises.
 
@@ -60,8 +70,7 @@ def open_apart(
     if out.exists():
         out.unlink()
     told = {
-        "path": str(path), "out": str(out), "assume": asdict(assume), "memory": MEMORY, "seconds": seconds,
-        "bytes": largest,
+        "path": str(path), "out": str(out), "assume": asdict(assume), "seconds": seconds, "bytes": largest,
     }  # fmt: skip
     while not _room.acquire(timeout=_ASK_EVERY):
         if not is_wanted():
@@ -72,29 +81,16 @@ def open_apart(
         _room.release()
     if "failed" in said:
         raise RecordingError(said["failed"])
-    return out, _remarks(said.get("remarks"))
+    return OpenedApart(out, _remarks(said.get("remarks")), *read_tables(out))
 
 
 def _run(
     told: dict[str, Any], progress: Callable[[float], None], is_wanted: Callable[[], bool], folder: Path
 ) -> dict[str, Any]:
-    root = Path(opening_child.__file__).parents[2]
-    search = os.pathsep.join([str(root), *(part for part in sys.path if part)])
-    child = subprocess.Popen(
-        [sys.executable, "-P", opening_child.__file__],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-        # Scratch files lie in the visitor's folder, and go with it.
-        env={**os.environ, "PYTHONPATH": search, "TMPDIR": str(folder), "OMP_NUM_THREADS": "1"},
-    )
+    child = started(opening_child.__file__, told, folder)
     said: dict[str, Any] = {}
     ends = time.monotonic() + PATIENCE
     try:
-        assert child.stdin is not None
-        with contextlib.suppress(BrokenPipeError), child.stdin:
-            child.stdin.write(json.dumps(told).encode() + b"\n")
         for words in _lines(child):
             if not is_wanted():
                 raise Cancelled("its visitor has gone")
@@ -107,9 +103,9 @@ def _run(
                 progress(float(share))
             said |= words
     finally:
-        _end(child)
+        end(child)
     if child.returncode != 0 and "failed" not in said:
-        said["failed"] = f"{Path(told['path']).name}: {_why(child.returncode)}"
+        said["failed"] = f"{Path(told['path']).name}: {why_it_ended(child.returncode)}"
     elif "failed" in said:
         said["failed"] = str(said["failed"])[:500].replace("\n", " ")
     return said
@@ -141,23 +137,6 @@ def _lines(child: subprocess.Popen[bytes]) -> Iterator[dict[str, Any]]:
             continue
         if isinstance(words, dict):
             yield words
-
-
-def _end(child: subprocess.Popen[bytes]) -> None:
-    """Whatever it does, and all that it started."""
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        child.wait(timeout=1.0 if child.poll() is None else 0)
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(child.pid, signal.SIGKILL)
-    child.wait()
-
-
-def _why(code: int) -> str:
-    if code in (-signal.SIGXCPU, -signal.SIGKILL):
-        return "takes more computing than a visitor's file may take here"
-    if code == -signal.SIGXFSZ:
-        return "unpacks to more than a visitor's file may have here"
-    return "ended the process that read it; it may be damaged"
 
 
 def _remarks(said: object) -> tuple[Remark, ...]:

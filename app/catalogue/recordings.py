@@ -9,11 +9,12 @@ import time
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.entries import Entry, called_by_its_name, listed, under_its_name
@@ -34,6 +35,9 @@ from etnet.events.samples import fetch
 from etnet.files import without_paths
 from etnet.private_folder import PrivateFolder
 from etnet.windows import BetweenFrames, ByDensity, Policy
+
+if TYPE_CHECKING:
+    from app.catalogue.opening_apart import OpenedApart
 
 KEPT_OPEN = 6
 """Recordings that stay open though nobody looks at them."""
@@ -247,23 +251,23 @@ class Catalogue:
             path, told = entry.path, ()
             if entry.remote is not None:
                 path = fetch(entry.remote, progress=progress)
+            apart: OpenedApart | None = None
             if path.suffix.lower() in VIDEO_SUFFIXES:
-                path, told = self._seen(path, progress)
-            noticed: tuple[Remark, ...] | None = None
-            if self._is_strangers(entry):
-                path, noticed = self._opened_apart(entry, stated, progress)
-                stated = NOTHING_ASSUMED
+                path, told = self._seen(entry, path, progress)
+            elif self.is_strangers(entry):
+                apart = self._opened_apart(entry, stated, progress)
+                path, stated = apart.path, NOTHING_ASSUMED
             asked = self._config.downsample if view is None else view.downsample
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
             recording = opened(view=self._config.view(asked or 1) if view is None else view)
-            if noticed is not None:
-                recording = replace(recording, remarks=noticed, opened_as=None)
-            factor = runnable_downsample(recording.sensor.num_pixels)
-            if asked is None and factor > 1:
-                whole = recording.sensor
+            whole, factor = recording.sensor, runnable_downsample(recording.sensor.num_pixels)
+            is_binned = asked is None and factor > 1
+            if is_binned:
                 recording.close()
                 recording = opened(view=self._config.view(factor))
-                recording = recording if noticed is None else replace(recording, remarks=noticed, opened_as=None)
+            if apart is not None:
+                recording = apart.completed(recording)
+            if is_binned:
                 binned = f"binned {factor}×{factor} of {whole}"
                 text = f"{binned} so that the network keeps up; --downsample 1 shows every pixel"
                 recording = _with_remark(recording, Remark("assumed", text))
@@ -277,13 +281,11 @@ class Catalogue:
         weakref.finalize(recording, recording.source.close)
         return recording
 
-    def _is_strangers(self, entry: Entry) -> bool:
+    def is_strangers(self, entry: Entry) -> bool:
         """Whether a file came from somebody whom nobody here knows."""
         return entry.kind == "upload" and self._config.is_open and sys.platform != "win32"
 
-    def _opened_apart(
-        self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None
-    ) -> tuple[Path, tuple[Remark, ...]]:
+    def _opened_apart(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> OpenedApart:
         from app.catalogue.opening_apart import open_apart
 
         largest = _UNPACKED * ((self._config.upload_megabytes or 1) << 20)
@@ -318,16 +320,28 @@ class Catalogue:
         is_named = _is_ones_own(entry) and entry.kind != "upload"
         return self._config.stated.assumptions() if is_named and said == NOTHING_ASSUMED else said
 
-    def _seen(self, video: Path, progress: Callable[[float], None] | None) -> tuple[Path, tuple[Remark, ...]]:
+    def _seen(
+        self, entry: Entry, video: Path, progress: Callable[[float], None] | None
+    ) -> tuple[Path, tuple[Remark, ...]]:
         """What an event sensor sees of a video, made once while this catalogue lives; and that it is so."""
-        from etnet.simulation.video import VideoConfig, simulate_video
+        from etnet.simulation.video import VideoConfig, simulate_footage, simulate_video
 
         config = VideoConfig()
         with self._lock:
             if self._scratch is None:
                 self._scratch = PrivateFolder("etnet-video-")
-        made = self._scratch.path / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
-        if not made.exists():
+        # A visitor's goes with the visitor.
+        folder = video.parent if entry.kind == "upload" else self._scratch.path
+        made = folder / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
+        if not made.exists() and self.is_strangers(entry):
+            from app.catalogue.video_apart import FootageApart
+
+            def is_cancelled() -> bool:
+                return entry.id not in self._private
+
+            with closing(FootageApart(video, config, is_cancelled)) as footage:
+                simulate_footage(footage, made, config, progress, is_cancelled)
+        elif not made.exists():
             simulate_video(video, made, config, progress)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
         said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"

@@ -124,14 +124,17 @@ class Videos:
         for key in gone:
             self._drop(key)
 
-    def begin(self, visitor: str, recording_id: str, video: Path, name: str) -> None:
-        """A visitor looks at this film from now on; it is begun if it is not there."""
+    def begin(self, visitor: str, recording_id: str, video: Path, name: str, is_strangers: bool = False) -> None:
+        """A visitor looks at this film from now on; it is begun if it is not there.
+
+        `is_strangers`: the video is decoded in a process of its own.
+        """
         if self.holds(recording_id):
             self.watch(visitor, None)
             return
         with self._lock:
             if recording_id not in self._films:
-                self._begin(recording_id, video, name)
+                self._begin(recording_id, video, name, is_strangers)
             self._films[recording_id].watchers.add(visitor)
         self.watch(visitor, recording_id)
 
@@ -164,7 +167,7 @@ class Videos:
         if folder is not None:
             folder.close()
 
-    def _begin(self, recording_id: str, video: Path, name: str) -> _Film:
+    def _begin(self, recording_id: str, video: Path, name: str, is_strangers: bool) -> _Film:
         from etnet.simulation.growing import GrowingVideo
         from etnet.simulation.video import VideoConfig
 
@@ -173,7 +176,10 @@ class Videos:
         _, (contrast, noise) = split_id(recording_id)
         self._num_made += 1
         path = self._folder.path / f"film-{self._num_made}.h5"
-        film = _Film(GrowingVideo(video, path, VideoConfig(contrast, noise), name), path)
+        opened = None
+        if is_strangers:
+            from app.catalogue.video_apart import FootageApart as opened
+        film = _Film(GrowingVideo(video, path, VideoConfig(contrast, noise), name, opened=opened), path)
         self._films[recording_id] = film
         threading.Thread(target=self._make, args=(film,), daemon=True, name="film").start()
         return film

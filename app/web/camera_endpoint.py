@@ -8,102 +8,83 @@ nothing queues. Texts in between are what the sliders say. {"over": true} or {"r
 from __future__ import annotations
 
 import asyncio
-import json
-import logging
 import math
 import time
+from typing import ClassVar
 
 import numpy as np
-from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosed
 
 from app.catalogue.mirror import SENSOR, Mirror, MirrorError, Mirrors
+from app.web.endpoint import Endpoint, Line
 from etnet.errors import EtnetError
 from etnet.plain_values import bounded_json
 
 PATH = "/camera"
 LONGEST_TEXT = 500
 """Characters of a text."""
-GREETING = 10.0
-"""Seconds in which a connection says whose it is."""
 SILENCE = 10.0
 """Seconds without a frame after which the camera counts as gone."""
 SHORTEST = 1 / 30
 """Seconds from frame to frame; what comes faster is left out."""
-MOST_CONNECTIONS = 16
-
-_log = logging.getLogger(__name__)
 
 
-class CameraEndpoint:
-    """Lets cameras in for a server; all of it runs on the server's event loop, the pixels look on in workers."""
+class CameraEndpoint(Endpoint):
+    """Lets cameras in for a server; the pixels look on in workers."""
+
+    most_connections: ClassVar[int] = 16
+    crowded: ClassVar[str] = "many cameras are on; try again in a minute"
 
     def __init__(self, mirrors: Mirrors) -> None:
+        super().__init__()
         self._mirrors = mirrors
-        self._num_open = 0
 
-    async def __call__(self, connection: ServerConnection) -> None:
-        """Serve one connection to its end."""
-        if self._num_open >= MOST_CONNECTIONS:
-            await _refuse(connection, "many cameras are on; try again in a minute")
-            return
-        self._num_open += 1
+    async def serve(self, line: Line) -> None:
+        """Look through one camera."""
         try:
-            await self._serve(connection)
-        except ConnectionClosed:
-            pass
-        finally:
-            self._num_open -= 1
-
-    async def _serve(self, connection: ServerConnection) -> None:
-        try:
-            mirror = self._mirrors.of(await _ticket(connection))
+            mirror = self._mirrors.of(await _ticket(line))
             await asyncio.to_thread(mirror.begin)
         except MirrorError as error:
-            await _refuse(connection, str(error))
+            await line.refuse(str(error))
             return
         trouble = ""
         try:
-            await connection.send(json.dumps({"go": [SENSOR.width, SENSOR.height]}))
-            await _take(connection, mirror)
-            await connection.send(json.dumps({"over": True}))
+            await line.say(go=[SENSOR.width, SENSOR.height])
+            await _take(line, mirror)
+            await line.say(over=True)
         except EtnetError as error:
             trouble = str(error)
-            await _refuse(connection, trouble)
+            await line.refuse(trouble)
         finally:
             mirror.end(trouble)
 
 
-async def _ticket(connection: ServerConnection) -> str:
+async def _ticket(line: Line) -> str:
     try:
-        text = await asyncio.wait_for(connection.recv(), GREETING)
-        if not isinstance(text, str):
-            raise ValueError
-        return str(bounded_json(text, LONGEST_TEXT)["ticket"])
+        return str((await line.greeting())["ticket"])
     except TimeoutError:
         raise MirrorError("nothing was said about the camera; load the page again") from None
     except (ValueError, TypeError, KeyError):
         raise MirrorError("what was said about the camera cannot be understood; load the page again") from None
 
 
-async def _take(connection: ServerConnection, mirror: Mirror) -> None:
-    num_frames, came_at = 0, 0.0
+async def _take(line: Line, mirror: Mirror) -> None:
+    num_frames, came_at, heard_at = 0, 0.0, time.monotonic()
     while not mirror.is_over:
         try:
-            message = await asyncio.wait_for(connection.recv(), SILENCE)
+            message = await line.hear(max(heard_at + SILENCE - time.monotonic(), 0.0))
         except TimeoutError:
             raise MirrorError(f"no picture came from the camera for {SILENCE:.0f} s") from None
         if isinstance(message, str):
-            _set(mirror, message)
+            _set(mirror, message)  # words alone do not keep a camera on
             continue
         if len(message) != SENSOR.num_pixels:
             raise MirrorError(f"a picture of {len(message):,} bytes came; wanted {SENSOR.num_pixels:,}: load the page")
-        num_frames += 1
-        if time.monotonic() - came_at >= SHORTEST:
-            came_at = time.monotonic()
+        num_frames, heard_at = num_frames + 1, time.monotonic()
+        if heard_at - came_at >= SHORTEST:
+            came_at = heard_at
             grey = np.frombuffer(message, np.uint8).reshape(SENSOR.height, SENSOR.width)
             await asyncio.to_thread(mirror.show, grey)
-        await connection.send(json.dumps({"got": num_frames}))
+        await line.say(got=num_frames)
 
 
 def _set(mirror: Mirror, text: str) -> None:
@@ -115,9 +96,3 @@ def _set(mirror: Mirror, text: str) -> None:
         return
     if math.isfinite(sensitivity) and math.isfinite(noise):
         mirror.set(sensitivity, noise)
-
-
-async def _refuse(connection: ServerConnection, why: str) -> None:
-    _log.info("a camera was refused: %s", why)
-    await connection.send(json.dumps({"refused": why}))
-    await connection.close(1008)

@@ -8,10 +8,9 @@ from __future__ import annotations
 import asyncio
 import http
 import logging
-import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -22,8 +21,9 @@ from websockets.exceptions import ConnectionClosed, SecurityError
 from websockets.http11 import Request, Response
 
 from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
-from app.web.messages import FIRST, MessageError, fate_of, read_message
+from app.web.messages import MessageError, fate_of, read_message
 from app.web.peer import note_peer
+from app.web.rate import Rate
 
 LARGEST_MESSAGE = 300_000
 """Bytes of one message of a page: a little more than the largest that ours sends, a chunk of a file. A connection
@@ -32,6 +32,9 @@ SILENCE = 20.0
 """Seconds in which a page says where it looks; viser counts it as a visitor from then on."""
 MOST_SOCKETS = 64
 """Websockets of one address at once. All that comes through a proxy on this machine is told apart by what it says."""
+MOST_SILENT = 32
+"""Of one address, beside these, that have not said yet where they look. For one more the oldest of them goes: who opens
+sockets and says nothing keeps nobody else of the same address out."""
 RATE, BURST = 150.0, 300.0
 """Messages a second of one page that are read, and how many may come at once. A page that sends more waits."""
 CLOSING = 1.0
@@ -118,6 +121,7 @@ class Gate:
         self._process = process_request
         self._widget = widget
         self._sockets: Counter[str] = Counter()
+        self._silent: dict[str, dict[ServerConnection, None]] = {}
 
     def ask(self, connection: ServerConnection, request: Request) -> Awaitable[Response | None] | Response | None:
         """The answer to a request; `None` where it becomes a websocket."""
@@ -146,32 +150,61 @@ class Gate:
         assert connection.request is not None
         note_peer(connection)
         address = address_of(connection, connection.request, behind_proxy=self._guard.public is not None)
+        door = self._guard.doors.get(urlsplit(connection.request.path).path)
+        if door is not None:
+            with self._counted(address):
+                await door(connection)
+        elif connection.subprotocol != f"viser-v{viser.__version__}":
+            theirs = (connection.subprotocol or "viser-vunknown").removeprefix("viser-v")[:20]
+            await connection.close(1002, f"Version mismatch. Client: {theirs}, Server: {viser.__version__}")
+        else:
+            with ExitStack() as stack:
+                stack.enter_context(self._listed_silent(connection, address))
+                Checked(connection, self._widget, lambda: self._speaks(stack, address)).begin()
+                await self._handler(connection)
+
+    def _speaks(self, stack: ExitStack, address: str) -> None:
+        """A page has said where it looks: it counts among the others of its address from now on."""
+        stack.close()
+        stack.enter_context(self._counted(address))
+
+    @contextmanager
+    def _counted(self, address: str) -> Iterator[None]:
         self._sockets[address] += 1
         try:
-            door = self._guard.doors.get(urlsplit(connection.request.path).path)
-            if door is not None:
-                await door(connection)
-            elif connection.subprotocol != f"viser-v{viser.__version__}":
-                theirs = (connection.subprotocol or "viser-vunknown").removeprefix("viser-v")[:20]
-                await connection.close(1002, f"Version mismatch. Client: {theirs}, Server: {viser.__version__}")
-            else:
-                Checked(connection, self._widget).begin()
-                await self._handler(connection)
+            yield
         finally:
             self._sockets[address] -= 1
             if not self._sockets[address]:
                 del self._sockets[address]
 
+    @contextmanager
+    def _listed_silent(self, connection: ServerConnection, address: str) -> Iterator[None]:
+        listed = self._silent.setdefault(address, {})
+        if len(listed) >= MOST_SILENT:
+            oldest = next(iter(listed))
+            del listed[oldest]
+            oldest.transport.abort()
+        listed[connection] = None
+        try:
+            yield
+        finally:
+            listed.pop(connection, None)
+            if not listed and self._silent.get(address) is listed:
+                del self._silent[address]
+
 
 class Checked:
     """Reads a page's messages for viser: none that ours does not send, none too fast, the first one in time."""
 
-    def __init__(self, connection: ServerConnection, widget: Widget) -> None:
+    def __init__(self, connection: ServerConnection, widget: Widget, on_first: Callable[[], object]) -> None:
+        """`on_first` is told when the page has said where it looks."""
         self._connection = connection
         self._widget = widget
+        self._on_first = on_first
         self._receive = connection.recv
         self._is_first = True
-        self._left, self._counted_at = BURST, time.monotonic()
+        self._rate = Rate(RATE, BURST)
 
     def begin(self) -> None:
         """From now on viser gets what passes."""
@@ -179,7 +212,7 @@ class Checked:
 
     async def _recv(self, decode: bool | None = None) -> bytes:
         while True:
-            await self._wait_for_turn()
+            await self._rate.wait()
             try:
                 raw = await asyncio.wait_for(self._receive(), SILENCE if self._is_first else None)
                 message = read_message(raw, self._is_first)
@@ -189,7 +222,9 @@ class Checked:
             except MessageError as error:
                 await self._close(str(error))
                 continue
-            self._is_first &= message.kind != FIRST
+            if self._is_first:
+                self._is_first = False
+                self._on_first()
             if message.kind == "GuiUpdateMessage":
                 held = self._widget(self._connection, message.fields["uuid"])
                 fate = "drop" if held is None else fate_of(held, message.fields["updates"]["value"])
@@ -198,14 +233,6 @@ class Checked:
                 if fate != "pass":
                     continue
             return message.raw
-
-    async def _wait_for_turn(self) -> None:
-        """Messages are counted against a rate; what is not read stays in the sender's own buffers."""
-        now = time.monotonic()
-        self._left = min(self._left + (now - self._counted_at) * RATE, BURST) - 1
-        self._counted_at = now
-        if self._left < 0:
-            await asyncio.sleep(-self._left / RATE)
 
     async def _close(self, why: str) -> None:
         """End the connection with a code; the next `recv` raises ConnectionClosed."""

@@ -137,6 +137,7 @@ def _welcome(
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
+        upkeep.while_here(lambda: bool(server.get_clients()))
         if most_visitors is not None and len(server.get_clients()) > most_visitors:
             client.gui.add_html(f'<div class="etv-crowded"><b>Many are looking already</b><p>{CROWDED}</p></div>')
             return

@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from etnet.errors import EtnetError
+from etnet.files import replace_folder, working_folder
 
 Progress = Callable[[float], None]
 """Called with the fraction done."""
@@ -105,10 +105,10 @@ def fetch(
     if whole is not None:
         return whole
     parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{sample.name}-", dir=parent) as work:
-        found = Path(work) / "found"
+    with working_folder(parent / sample.name) as work:
+        found = work / "found"
         if archive is None:
-            unpacked = _download(sample, Path(work), progress)
+            unpacked = _download(sample, work, progress)
             shutil.move(unpacked, found)
         else:
             _unpack(archive, sample, found)
@@ -117,11 +117,18 @@ def fetch(
             origin = archive or sample.requirement
             raise SampleError(f"{sample.name}: {fault} in {origin}; wanted the original files, by their SHA-256")
         _keep_only(found, sample)
-        folder = parent / sample.name
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.replace(found, folder)
-    return folder
+        replace_folder(found, parent / sample.name)
+    return parent / sample.name
+
+
+_PIP = f"""
+import runpy, sys
+sys.path.insert(0, {str(Path(__file__).parents[2])!r})
+from etnet.child_process import end_with_parent
+end_with_parent()
+runpy.run_module("pip", run_name="__main__", alter_sys=True)
+"""
+"""pip as it is, in a process that ends with this one."""
 
 
 def _download(sample: RemoteSample, work: Path, progress: Progress | None) -> Path:
@@ -130,11 +137,14 @@ def _download(sample: RemoteSample, work: Path, progress: Progress | None) -> Pa
     temporary.mkdir()
     wanted.write_text(f"{sample.requirement} --hash=sha256:{sample.archive_sha256}\n")
     options = "--no-deps --no-binary :all: --no-build-isolation --no-clean --no-input --disable-pip-version-check"
-    command = [sys.executable, "-m", "pip", "download", *options.split(), "--retries", "1", "--timeout", "20"]
+    # -P: a pip.py in the current folder is not pip.
+    command = [sys.executable, "-P", "-c", _PIP, "download", *options.split(), "--retries", "1", "--timeout", "20"]
     command += ["--dest", str(target), "--requirement", str(wanted)]
     said = work / "pip.log"
     with said.open("wb") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=os.environ | {"TMPDIR": str(temporary)})
+        process = subprocess.Popen(
+            command, stdout=log, stderr=log, env=os.environ | {"TMPDIR": str(temporary), "PYTHONSAFEPATH": "1"}
+        )
         try:
             while process.poll() is None:
                 time.sleep(POLL_SECONDS)

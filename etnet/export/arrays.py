@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Generator, Mapping, Sequence
@@ -17,7 +16,7 @@ from torch import Tensor
 
 from etnet.errors import EtnetError, ModelError
 from etnet.export.take import IsCancelled, Moment, Progress, Take
-from etnet.files import replacing
+from etnet.files import replacing, working_folder
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.padding import TokenGrid
 from etnet.reconstruction import window_voxel
@@ -129,14 +128,14 @@ def _npz(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySi
 
     Each row is written and not mapped: a disk that is full is then an error, and no signal that ends the process.
     """
-    with replacing(path) as packed, tempfile.TemporaryDirectory(dir=path.parent, prefix=f"{packed.name}.") as folder:
+    with replacing(path) as packed, working_folder(path) as folder:
         files: dict[str, IO[bytes]] = {}
         left: dict[str, int] = {}
         opened = ExitStack()
 
         def sink(name: str, row: np.ndarray) -> None:
             if name not in files:
-                files[name] = opened.enter_context((Path(folder) / f"{len(files)}.npy").open("wb"))
+                files[name] = opened.enter_context((folder / f"{len(files)}.npy").open("wb"))
                 left[name] = length * row.nbytes
                 descr = np.lib.format.dtype_to_descr(row.dtype)
                 head = {"descr": descr, "fortran_order": False, "shape": (length, *row.shape)}
@@ -150,7 +149,7 @@ def _npz(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySi
                 file.truncate(file.tell() + left[name])  # rows that never came are zeros
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             for i, name in enumerate(files):
-                archive.write(Path(folder) / f"{i}.npy", f"{name}.npy")
+                archive.write(folder / f"{i}.npy", f"{name}.npy")
             with archive.open("facts.npy", "w") as file:
                 np.lib.format.write_array(file, np.array(json.dumps(facts)))
 

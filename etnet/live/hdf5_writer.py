@@ -70,9 +70,12 @@ class Hdf5Writer:
 
     def close(self) -> None:
         """Finish the file."""
-        self.flush()
-        self._file.close()
-        self._raw.close()
+        try:
+            self.flush()
+        finally:
+            # HDF5 first, whatever the disk said: it goes on calling its file until it is closed itself.
+            self._file.close()
+            self._raw.close()
 
     def _store(self) -> None:
         if not self._held:

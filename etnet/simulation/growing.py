@@ -16,8 +16,10 @@ from jaxtyping import Float32, Int64
 from etnet.errors import Cancelled, EtnetError, RecordingError
 from etnet.events.cache import grey
 from etnet.events.events import Events, Sensor
+from etnet.events.formats.hdf5.writing import WrittenFile, written_file
 from etnet.events.recording import GroundTruth, Recording, Remark, Span
-from etnet.simulation.decode import VideoFootage
+from etnet.files import cannot_write
+from etnet.simulation.footage import Footage
 from etnet.simulation.video import Shown, VideoConfig, footage_of, simulated
 
 FEWEST_FRAMES = 4
@@ -59,12 +61,22 @@ class _Grown:
 class GrowingVideo:
     """Simulates `video` into `out` (the file that `simulate_video` writes). `run` belongs to a thread of its own."""
 
-    def __init__(self, video: Path, out: Path, config: VideoConfig, name: str, largest: int = LARGEST) -> None:
+    def __init__(
+        self,
+        video: Path,
+        out: Path,
+        config: VideoConfig,
+        name: str,
+        largest: int = LARGEST,
+        opened: Callable[[Path, VideoConfig, Callable[[], bool]], Footage] | None = None,
+    ) -> None:
+        """`opened` gives the video's frames, and may ask while it waits for one whether it is cancelled."""
         self.config = config
         self._video, self._out, self._name, self._largest = video, out, name, largest
+        self._opened = opened or (lambda video, config, is_cancelled: footage_of(video, config))
         self._changed = Condition()
-        self._file: h5py.File | None = None
-        self._frames: VideoFootage | None = None
+        self._file: WrittenFile | None = None
+        self._frames: Footage | None = None
         self._stamps: list[int] = []
         self._shown = Shown(-1, 0, 0, 0)
         self._work = 0.0
@@ -76,13 +88,15 @@ class GrowingVideo:
     def run(self, is_cancelled: Callable[[], bool]) -> None:
         """Simulate to the end, or until cancelled. What goes wrong is raised by `wait` and `recording`."""
         try:
-            with closing(footage_of(self._video, self.config)) as frames:
-                file = h5py.File(self._out, "w", libver=("v110", "v110"))
+            with closing(self._opened(self._video, self.config, is_cancelled)) as frames:
+                file = written_file(self._out, libver=("v110", "v110"))
                 with self._changed:
                     self._file, self._frames = file, frames
                 self._simulate(file, frames, is_cancelled)
         except EtnetError as error:
             self._end(error)
+        except OSError as error:
+            self._end(cannot_write(Path(self._name), error))
         except Exception as error:
             self._end(RecordingError(f"{self._name}: cannot be simulated ({error})"))
         else:
@@ -122,11 +136,12 @@ class GrowingVideo:
             total = done if self._is_over else max(self._frames.duration, done)
             return Pace(done, total, self._work / done if done else None, self._is_over)
 
-    def _simulate(self, file: h5py.File, frames: VideoFootage, is_cancelled: Callable[[], bool]) -> None:
+    def _simulate(self, file: WrittenFile, frames: Footage, is_cancelled: Callable[[], bool]) -> None:
         began = time.thread_time()
         for shown in simulated(file, frames, self.config):
             if is_cancelled():
                 raise Cancelled("the simulation was stopped")
+            file.check()
             with self._changed:
                 self._shown = shown
                 self._stamps.append(shown.stamp)

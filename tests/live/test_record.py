@@ -37,6 +37,31 @@ def _recorded(path, packets, **options):
     return open_recording(path)
 
 
+FULL = """
+import resource, sys
+from pathlib import Path
+from tests.live.killed_writer import write_for_ever
+resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+try:
+    write_for_ever(Path(sys.argv[1]))
+except OSError as error:
+    sys.exit(error.strerror)
+"""
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_full_disk_is_an_error_and_no_crash_and_leaves_what_was_flushed(tmp_path, suffix):
+    path = tmp_path / f"live{suffix}"
+    ended = subprocess.run([sys.executable, "-c", FULL, str(path)], capture_output=True, text=True)
+    assert ended.returncode == 1, ended.stderr[-2000:]
+    assert "File too large" in ended.stderr
+    flushed = int(ended.stdout.split()[-1])
+    assert flushed > 0
+    with open_recording(path) as recording:
+        assert recording.num_events >= flushed
+        assert same(recording.read(0, flushed), make_events(200_000, duration=200_000)[:flushed])
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_the_file_holds_the_events_and_frames_that_came(tmp_path, suffix):
     events, frames = make_events(5000), frames_at([0, 17_000, 33_000, 60_000])

@@ -1,11 +1,12 @@
 """A video that becomes a recording page by page: whatever was shown of it stays true."""
 
+import resource
 import threading
 
 import numpy as np
 import pytest
 
-from etnet.errors import Cancelled, RecordingError
+from etnet.errors import Cancelled, EtnetError, RecordingError
 from etnet.events.open import open_recording
 from etnet.simulation.growing import FEWEST_FRAMES, GrowingVideo
 from etnet.simulation.video import VideoConfig, simulate_video
@@ -135,3 +136,19 @@ def test_who_does_not_want_it_any_more_need_not_wait(video, tmp_path):
         growing.wait(lambda: True)
     growing.run(lambda: True)
     assert growing.pace.is_over
+
+
+def test_a_disk_that_fills_up_ends_a_simulation_with_a_sentence_and_no_crash(video, tmp_path):
+    growing = GrowingVideo(video, tmp_path / "film.h5", CONFIG, "drift")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, before[1]))
+    try:
+        growing.run(lambda: False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert growing.pace.is_over
+    try:
+        said = str(growing.recording().remarks[-1])
+    except EtnetError as error:
+        said = str(error)
+    assert "cannot be written" in said

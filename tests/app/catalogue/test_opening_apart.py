@@ -2,6 +2,7 @@
 
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 from app.catalogue import opening_apart
 from app.catalogue.entries import Entry
 from app.catalogue.opening_apart import open_apart
+from app.catalogue.plain_tables import read_tables, write_tables
 from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
 from etnet.errors import Cancelled, EtnetError
 from etnet.events.assumptions import NOTHING_ASSUMED
 from etnet.events.open import open_recording
+from etnet.events.recording import Inertial
+from etnet.events.triggers import Triggers
 from etnet.events.write import write_recording
 from tests.app.stand_ins import recording
 
@@ -29,7 +33,8 @@ def children():
 def opened(path, **more):
     shares = []
     settings = {"progress": shares.append, "is_wanted": lambda: True, **more}
-    return *open_apart(path, NOTHING_ASSUMED, settings.pop("largest", LARGEST), **settings), shares
+    apart = open_apart(path, NOTHING_ASSUMED, settings.pop("largest", LARGEST), **settings)
+    return apart.path, apart.remarks, shares
 
 
 def test_the_events_frames_and_remarks_are_the_files(tmp_path):
@@ -41,6 +46,30 @@ def test_the_events_frames_and_remarks_are_the_files(tmp_path):
             assert np.array_equal(getattr(there, column), getattr(here, column))
         assert set(map(str, plain.remarks)) <= set(map(str, remarks))
     assert shares[-1] == 1
+
+
+def test_triggers_and_motion_come_through(tmp_path):
+    triggers = Triggers(np.array([5, 5, 900], np.int64), np.array([0, 3, 0], np.int16), np.array([1, -1, 0], np.int8))
+    motion = Inertial(
+        np.arange(4, dtype=np.int64) * 100, np.full((4, 3), 0.5, np.float32), np.eye(4, 3, dtype=np.float32)
+    )
+    write_tables(triggers, motion, tmp_path / "a.h5")
+    seen, moved = read_tables(tmp_path / "a.h5")
+    for there, here in ((triggers, seen), (motion, moved)):
+        assert all(np.array_equal(getattr(there, name), getattr(here, name)) for name in there.__dataclass_fields__)
+    assert read_tables(tmp_path / "none.h5") == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("what", "content"),
+    [
+        ("triggers", b"\0" * 12), ("triggers", np.array([9, 0], "<i8").tobytes() + b"\0" * 6), ("motion", b"\xff" * 64),
+        ("triggers", b"\x05" * 11),
+    ],
+)  # fmt: skip
+def test_a_table_that_makes_no_sense_is_left_out(tmp_path, what, content):
+    (tmp_path / f"a.{what}").write_bytes(content)
+    assert read_tables(tmp_path / "a.h5") == (None, None)
 
 
 def test_a_damaged_file_is_refused_as_everywhere_and_leaves_no_process(tmp_path):
@@ -92,13 +121,17 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path):
 @pytest.mark.parametrize("is_open", [True, False])
 def test_the_catalogue_opens_uploads_apart_where_others_come_in(tmp_path, is_open):
     config = ViewerConfig(public_url="http://show.example", uploads=16) if is_open else ViewerConfig()
-    write_recording(recording(), tmp_path / "key.csv")
+    pulses = Triggers(np.array([9, 90_000], np.int64), np.array([0, 2], np.int16), np.array([1, -1], np.int8))
+    write_recording(replace(recording(), triggers=pulses, ground_truth=None), tmp_path / "key.raw")
     catalogue = Catalogue(config)
     try:
-        catalogue.take_in(Entry("upload-1", "mine.csv", "upload", "", tmp_path / "key.csv"))
+        catalogue.take_in(Entry("upload-1", "mine.raw", "upload", "", tmp_path / "key.raw"))
         found = catalogue.open("upload-1")
         assert found.name == "mine"
         assert found.num_events == 6000
+        assert found.triggers.channels.tolist() == [0, 2]
+        assert found.triggers.edges.tolist() == [1, -1]
+        assert not any("not written" in str(remark) for remark in found.remarks)
         assert (tmp_path / "key.opened.h5").exists() == is_open
         assert "key" not in " ".join(map(str, found.remarks))
     finally:

@@ -125,6 +125,46 @@ def test_a_camera_that_falls_silent_is_gone(monkeypatch):
     run(story)
 
 
+def test_words_alone_do_not_keep_a_camera_on(monkeypatch):
+    monkeypatch.setattr(camera_endpoint, "SILENCE", 0.3)
+
+    async def story(made, address):
+        mirror = made.mirror()
+        async with connect(address) as socket:
+            await socket.send(json.dumps({"ticket": mirror.ticket}))
+            await heard(socket)
+
+            async def talk():
+                with contextlib.suppress(ConnectionClosed):
+                    while True:
+                        await socket.send('{"contrast": 0.4, "noise": 0}')
+                        await asyncio.sleep(0.02)
+
+            talking = asyncio.create_task(talk())
+            assert "no picture came" in (await heard(socket))["refused"]
+            talking.cancel()
+
+    run(story)
+
+
+def test_one_more_than_there_is_room_for_is_told_so(monkeypatch):
+    monkeypatch.setattr(CameraEndpoint, "most_connections", 1)
+
+    async def story(made, address):
+        mirror = made.mirror()
+        async with connect(address) as first, connect(address) as second:
+            await first.send(json.dumps({"ticket": mirror.ticket}))
+            await heard(first)
+            assert "many cameras" in (await heard(second))["refused"]
+        why = "many cameras"
+        while "many cameras" in why:
+            async with connect(address) as third:
+                await third.send(json.dumps({"ticket": "guessed"}))
+                why = (await heard(third))["refused"]
+
+    run(story)
+
+
 def test_a_foreign_page_gets_no_camera_in():
     async def story(made, address):
         with pytest.raises(InvalidStatus):

@@ -76,16 +76,45 @@ def test_a_page_that_does_not_say_where_it_looks_is_cut(viewer, monkeypatch):
     assert time.monotonic() - began < 4
 
 
-def test_an_address_has_a_limit_of_sockets(viewer, monkeypatch):
+def test_an_address_has_a_limit_of_pages(viewer, monkeypatch):
+    monkeypatch.setattr(guarding, "MOST_SOCKETS", 2)
+
+    async def story():
+        async with Browser.open(viewer.port, tab=35) as one, Browser.open(viewer.port, tab=36) as other:
+            for page in (one, other):
+                await page.until(lambda page=page: len(page.widgets) > 20, 60)
+            with pytest.raises(InvalidStatus) as refusal:
+                await connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL])
+            assert refusal.value.response.status_code == 429
+        ends = time.monotonic() + 60
+        while True:  # they have gone: there is room again, once the server has noticed
+            with contextlib.suppress(InvalidStatus):
+                async with connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL]):
+                    return
+            assert time.monotonic() < ends
+            await asyncio.sleep(0.05)
+
+    asyncio.run(story())
+
+
+def test_sockets_that_say_nothing_keep_no_page_of_their_address_out(viewer, monkeypatch):
     monkeypatch.setattr(guarding, "MOST_SOCKETS", 3)
+    monkeypatch.setattr(guarding, "MOST_SILENT", 3)
 
     async def story():
         async with contextlib.AsyncExitStack() as stack:
-            for _ in range(3):
-                await stack.enter_async_context(connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL]))
-            with pytest.raises(InvalidStatus) as refusal:
-                await stack.enter_async_context(connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL]))
-            assert refusal.value.response.status_code == 429
+            silent = [
+                await stack.enter_async_context(
+                    connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[PROTOCOL], max_size=None)
+                )
+                for _ in range(5)
+            ]
+            async with Browser.open(viewer.port, tab=37) as page:
+                await page.until_shown("Reconstruction", 60)
+                for gone in silent[:3]:
+                    await asyncio.wait_for(gone.wait_closed(), 60)
+                await page.use(page.widget("Window"), 3)
+                await page.until_shown("window 3 ", 60)
 
     asyncio.run(story())
 

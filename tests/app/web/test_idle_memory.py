@@ -82,3 +82,19 @@ def test_after_a_visit_the_server_sweeps(monkeypatch):
         while not swept and time.monotonic() < ends:
             time.sleep(0.01)
     assert swept
+
+
+def test_while_anybody_is_here_what_was_freed_is_given_back_now_and_then():
+    trimmed, here = [], [True]
+
+    async def evening():
+        upkeep = IdleMemory(lambda: None, trim=lambda: trimmed.append(1), trim_every=0.02)
+        for _ in range(5):
+            upkeep.while_here(lambda: here[0])  # many come, one clock runs
+        while len(trimmed) < 3:
+            await asyncio.sleep(0.01)
+        here[0] = False
+        while upkeep._trims:  # the clock stops by itself
+            await asyncio.sleep(0.01)
+
+    asyncio.run(asyncio.wait_for(evening(), 60))

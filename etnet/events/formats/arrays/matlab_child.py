@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from etnet.child_process import end_with_parent
 from etnet.events.formats.base import Remarks
 from etnet.events.formats.column_finder import Found, Leaf, find_events, rank_of
 
@@ -94,6 +95,7 @@ def limit_memory(unpacked: int) -> None:
 
 def main(source: str, folder: str, unpacked: str) -> int:
     """Copy the columns of `source` into `folder`."""
+    end_with_parent()
     import scipy.io  # noqa: F401  (its own memory comes before the limit)
 
     try:

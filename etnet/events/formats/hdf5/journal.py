@@ -3,6 +3,7 @@
 HDF5 overwrites its own tables in place, so a process that dies in between leaves a file that cannot be read. Here what
 is new goes to the end of the file, where nothing points yet, and what is overwritten waits until `commit`. It is then
 written to a journal beside the file first, which `restore` plays again if the process died while it was at it.
+A failed write crashes HDF5, so it never hears of one: what the disk did not take is held, and `commit` raises.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import zlib
 from pathlib import Path
 
 from etnet.errors import RecordingError
+from etnet.files import write_atomically
 
 _MAGIC = b"etnetH5J"
 _LARGEST = 1 << 30
@@ -34,6 +36,8 @@ class CommittedFile(io.RawIOBase):
         journal_of(path).unlink(missing_ok=True)
         self._place, self._size, self._committed = 0, 0, 0
         self._waiting: dict[tuple[int, int], bytes] = {}
+        self._error: OSError | None = None
+        """Of the first write that failed: from then on the file stays as the last commit left it."""
 
     def readable(self) -> bool:
         """HDF5 reads its own tables back."""
@@ -79,11 +83,9 @@ class CommittedFile(io.RawIOBase):
         data = bytes(content)
         old = max(0, min(self._committed - self._place, len(data)))
         if old:
-            key = self._place, old
-            self._waiting.pop(key, None)  # so that the last one written is the last one applied
-            self._waiting[key] = data[:old]
+            self._hold(data[:old], self._place)
         if old < len(data):
-            _write_all(self._file, data[old:], self._place + old)
+            self._append(data[old:], self._place + old)
         self._place += len(data)
         self._size = max(self._size, self._place)
         return len(data)
@@ -91,15 +93,35 @@ class CommittedFile(io.RawIOBase):
     def flush(self) -> None:
         """Nothing yet: see `commit`."""
 
+    def _append(self, data: bytes, place: int) -> None:
+        if self._error is None:
+            try:
+                _write_all(self._file, data, place)
+            except OSError as error:
+                self._error = error
+            else:
+                return
+        self._hold(data, place)
+
+    def _hold(self, data: bytes, place: int) -> None:
+        key = place, len(data)
+        self._waiting.pop(key, None)  # so that the last one written is the last one applied
+        self._waiting[key] = data
+
     def commit(self) -> None:
-        """From here on the file is what HDF5 wrote up to now. Call it when HDF5 has flushed."""
+        """From here on the file is what HDF5 wrote up to now. Call it when HDF5 has flushed.
+
+        Raises:
+            OSError: the disk did not take all of it; the file is what it was at the last commit.
+            EtnetError: it did not take the journal.
+        """
+        if self._error is not None:
+            raise self._error
         if self._waiting:
             journal = journal_of(self._path)
-            unfinished = journal.with_name(journal.name + ".part")
             parts = [struct.pack("<QQ", *key) + content for key, content in self._waiting.items()]
             body = struct.pack("<QQ", self._size, len(parts)) + b"".join(parts)
-            unfinished.write_bytes(_MAGIC + body + struct.pack("<I", zlib.crc32(body)))
-            os.replace(unfinished, journal)
+            write_atomically(journal, _MAGIC + body + struct.pack("<I", zlib.crc32(body)), flushes=False)
             for (place, _), content in self._waiting.items():
                 _write_all(self._file, content, place)
             self._waiting.clear()
@@ -112,6 +134,11 @@ class CommittedFile(io.RawIOBase):
             try:
                 self.commit()
                 os.ftruncate(self._file, self._size)
+            except OSError as error:
+                self._error = error
+                if not journal_of(self._path).exists():
+                    os.ftruncate(self._file, self._committed)  # what came after it is of no use
+                raise
             finally:
                 os.close(self._file)
                 super().close()

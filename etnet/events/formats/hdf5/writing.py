@@ -42,6 +42,14 @@ def hdf5_to_write(path: Path, **options: Any) -> Iterator[WrittenFile]:
             raise target.error
 
 
+def written_file(path: Path, **options: Any) -> WrittenFile:
+    """A new HDF5 file that stays open for as long as anybody reads it; `check` says whether the disk took it."""
+    target = _NeverFails(path)
+    file = WrittenFile(target, "w", **options)
+    file.target = target
+    return file
+
+
 class _NeverFails(io.RawIOBase):
     """Writes straight to a file; from the first write that fails on, all of it goes to memory and is thrown away."""
 
