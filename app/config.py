@@ -80,7 +80,7 @@ class LiveConfig:
 
 @dataclass(frozen=True)
 class ViewerConfig:
-    """Look inside event-camera recordings, and inside the network that turns them into images, in a browser."""
+    """Inspect event-camera recordings, and the network that turns them into images, in a browser."""
 
     file: tyro.conf.Positional[Path | None] = None
     """A recording: a file, a folder or a zip; or a video, seen as an event sensor would; or a session file (.json),
@@ -170,7 +170,7 @@ class ViewerConfig:
         if self.live is None and self.source != LiveConfig():
             raise ConfigError("--keep, --record, --sensor, --layout and --loop say how --live is taken; add --live")
         if self.live is not None and (self.roi or self.flip != "none" or self.rotate):
-            raise ConfigError("--live is shown as it comes; leave --roi, --flip and --rotate out")
+            raise ConfigError("--live is shown whole; leave --roi, --flip and --rotate out")
         if self.source.record is not None:
             check_recordable(self.source.record, overwrite=False)
         _ = self.region, self.stated.assumptions(), self.source.buffer(), self.source.options()

@@ -331,6 +331,7 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
+        self._is_dirty |= self._standing.is_due(time.monotonic())
         if not self._is_moving():
             self._is_dirty |= self._known.look(self._state, self._held.share)
         every = 0.0 if self._booth.is_live(self._state) else PUSH_INTERVAL if self._follows() else GLANCE

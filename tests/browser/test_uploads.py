@@ -134,7 +134,6 @@ def test_what_is_sent_beyond_the_declared_size_is_cut_off(own_page, small_viewer
     assert not held_files(small_viewer.uploads)
 
 
-@pytest.mark.xfail(reason="after a refusal the page stays on what was open, whose import options are another file's")
 def test_what_a_file_does_not_say_can_be_said(own_page, tmp_path):
     page, path = own_page, tmp_path / "back.txt"
     rows = np.array([[0.001 * (i + (1 if i % 500 else 9)), i % 40, i % 30, i % 2] for i in range(3000)])

@@ -32,7 +32,7 @@ from etnet.render.tone import tone_map
 
 NOT = (
     ("Not the reason for a pixel", "Skips and the upsampler go round TPA. Look at the bars: they are measured."),
-    ("Not what is handed over", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
+    ("Not the contribution", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
     ("Not where in the scene", "After the first layer a token already mixes others."),
     ("Not unique", "Heads can cancel each other, and a sharp head may write where nothing reads."),
     ("Not signed", "A weight can brighten or darken. Signs are in ablations and gradients."),
