@@ -134,6 +134,10 @@ class ViewerConfig:
     views: Annotated[tuple[Path, ...], tyro.conf.arg(name="view", metavar="FILE"), tyro.conf.UseAppendAction] = ()
     """A Python file of your own that is shown as a tab: it defines show(moment). May be given again."""
 
+    follow: bool = False
+    """For a talk: all pages show the moment of the one that leads, each with a pointer of its own. The page at this
+    machine leads, or the first one."""
+
     camera: bool = True
     """Whether a visitor may look at themselves as a simulated sensor sees them, with the browser's own camera."""
     take_home: bool = True
@@ -148,6 +152,8 @@ class ViewerConfig:
     def __post_init__(self) -> None:
         if self.check and not self.demo:
             raise ConfigError("--check tries what a demo needs; give --demo with it")
+        if self.follow and self.demo:
+            raise ConfigError("--follow shows one page to all, --demo each visitor a page of their own; give one")
         if self.demo and self.data is not None:
             raise ConfigError("--demo shows FILE and the bundled recordings only; leave --data out")
         if not 0 <= self.port <= 65_535:

@@ -98,6 +98,7 @@ class PageComposer:
             gone=self.loader.said_gone(state),
             refused=refused.why,
             mirror=self.booth.shown(moment, frames.index),
+            presenting=self.booth.presenting,
             gives_home=self.booth.homes is not None,
             public_url=self.booth.public_url,
         )

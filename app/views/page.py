@@ -118,6 +118,8 @@ class Page:
     """That the current window's events have left the buffer of the live recording."""
     mirror: MirrorShown | None = None
     """The visitor's own camera; `None` where none is taken."""
+    presenting: str = ""
+    """That this page leads others, or follows one, in words."""
     gives_home: bool = False
     """Whether a visitor can take a page home."""
     public_url: str = ""
