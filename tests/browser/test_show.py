@@ -25,7 +25,9 @@ def test_one_key_copies_a_link_that_opens_paused_at_exactly_that_moment(browser,
     page.get_by_text("Link copied").wait_for()
     address = page.evaluate("navigator.clipboard.readText()")
     assert address.startswith(f"{viewer.url}/?moment=")
-    other = open_page(browser, address)
+    open_workspace(page, "inspect")  # nothing is computed for this page any more
+    page.locator("body").press("Home")
+    other = open_page(browser, address, patience=2 * PATIENCE)
     other.get_by_test_id("window").get_by_text("window 4 of").wait_for()
     other.locator("[data-etv-workspace=attention]").wait_for(state="attached")
     assert other.locator(QUERY).get_attribute("data-etv-query") == asked
