@@ -41,7 +41,7 @@ def advice_on_clock(source: EventSource, sensor: Sensor, span: Span) -> tuple[st
         return ()
     if span.duration == 0:
         return (
-            f"all {count:,} events have one stamp, {span.start} µs: the time was lost when they were saved, or another "
+            f"all {count:,} events have one timestamp, {span.start} µs: the time was lost when they were saved, or another "
             "column is the time",
         )
     rate = count / seconds

@@ -149,5 +149,5 @@ def test_what_a_file_does_not_say_can_be_said(own_page, tmp_path):
     sensor.fill("40x30")
     page.get_by_role("button", name=REOPEN).click()
     page.get_by_test_id("facts").get_by_text("3,000").wait_for()
-    page.get_by_test_id("facts").get_by_text("the events were sorted by stamp").wait_for()
+    page.get_by_test_id("facts").get_by_text("the events were sorted by timestamp").wait_for()
     page.get_by_alt_text(re.compile("^Reconstruction of window")).first.wait_for()

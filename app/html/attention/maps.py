@@ -69,7 +69,7 @@ def _site(name: str) -> Site:
 
 
 def site_words(name: str, sites: tuple[str, ...]) -> str:
-    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 reads 1/8"."""
+    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 attends to 1/8"."""
     site = Site.of(name)
     own = resolution(site.scale)
     if site.kind == "self":
@@ -275,7 +275,7 @@ def places_html(ready: Ready | None, look: AttentionLook | None, site: str) -> s
         image = attention_image(ready, look, site)
         assert image is not None
         height, width = ready.frame.shape
-        name = f"What pixel {look.query} reads"
+        name = f"What pixel {look.query} attends to"
         shown = picture(data_url(image, is_lossless=False), name, key="pixel", size=(width, height))
         words = site_words(site, attention.sites)
         return f'{shown}<div class="et-note">{escape(words)}</div>'

@@ -85,7 +85,7 @@ class RecordingPanel(Panel):
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
-        self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
+        self._facts.show(_facts(page))
         self._cut.show(_cut(page))
 
     def _seen(self, contrast: float, noise: float) -> ask.Intent | None:
@@ -169,17 +169,6 @@ def _writing(names: tuple[str, ...]) -> str:
         return ""
     listed = escape(", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else ""))
     return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
-
-
-def _written(page: Page) -> str:
-    """What is left to say above the doctor's page, which says the rest."""
-    writing = _writing(page.growing)
-    return f'<div class="et">{writing}</div>' if writing else ""
-
-
-def _is_examined(page: Page) -> bool:
-    result = _examination(page)
-    return page.state.of(RecordingState).examines and result is not None and result.is_whole
 
 
 def _examination(page: Page) -> JobResult | None:
