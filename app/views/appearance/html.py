@@ -86,7 +86,7 @@ def recordings_html(page: Page) -> str:
         for choice in page.recordings
     )
     return (
-        f'<details class="etv-recordings"><summary title="Choose a recording">{escape(title)}</summary>'
+        f'<details class="etv-recordings"><summary title="Choose a recording"><span>{escape(title)}</span></summary>'
         f'<div class="etv-list"><input type="search" placeholder="Search recordings" aria-label="Search recordings">'
         f"{rows}</div></details>"
     )
