@@ -80,7 +80,7 @@ class LiveConfig:
 
 @dataclass(frozen=True)
 class ViewerConfig:
-    """Look inside event-camera recordings, and inside the network that turns them into images, in a browser."""
+    """Inspect event-camera recordings, and the network that turns them into images, in a browser."""
 
     file: tyro.conf.Positional[Path | None] = None
     """A recording: a file, a folder or a zip; or a video, seen as an event sensor would; or a session file (.json),
@@ -134,6 +134,10 @@ class ViewerConfig:
     views: Annotated[tuple[Path, ...], tyro.conf.arg(name="view", metavar="FILE"), tyro.conf.UseAppendAction] = ()
     """A Python file of your own that is shown as a tab: it defines show(moment). May be given again."""
 
+    follow: bool = False
+    """For a talk: all pages show the moment of the one that leads, each with a pointer of its own. The page at this
+    machine leads, or the first one."""
+
     camera: bool = True
     """Whether a visitor may look at themselves as a simulated sensor sees them, with the browser's own camera."""
     take_home: bool = True
@@ -148,6 +152,8 @@ class ViewerConfig:
     def __post_init__(self) -> None:
         if self.check and not self.demo:
             raise ConfigError("--check tries what a demo needs; give --demo with it")
+        if self.follow and self.demo:
+            raise ConfigError("--follow shows one page to all, --demo each visitor a page of their own; give one")
         if self.demo and self.data is not None:
             raise ConfigError("--demo shows FILE and the bundled recordings only; leave --data out")
         if not 0 <= self.port <= 65_535:
@@ -170,7 +176,7 @@ class ViewerConfig:
         if self.live is None and self.source != LiveConfig():
             raise ConfigError("--keep, --record, --sensor, --layout and --loop say how --live is taken; add --live")
         if self.live is not None and (self.roi or self.flip != "none" or self.rotate):
-            raise ConfigError("--live is shown as it comes; leave --roi, --flip and --rotate out")
+            raise ConfigError("--live is shown whole; leave --roi, --flip and --rotate out")
         if self.source.record is not None:
             check_recordable(self.source.record, overwrite=False)
         _ = self.region, self.stated.assumptions(), self.source.buffer(), self.source.options()

@@ -185,6 +185,7 @@ class Viewer:
         from app.catalogue.mirror import Mirrors
         from app.catalogue.uploads import UploadLimits, Uploads
         from app.session.demo import MOST_VISITORS
+        from app.session.presentation import Presentation
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
@@ -217,6 +218,7 @@ class Viewer:
         streams = self.catalogue.films.stream
         self.mirrors = Mirrors(streams, self.catalogue.take_in, self._let_go) if config.camera else None
         self.homes = Homes() if config.take_home else None
+        self._presentation = Presentation() if config.follow else None
         self.server = start_server(
             address,
             self.port,
@@ -300,16 +302,19 @@ class Viewer:
         from app.web.peer import sits_here
 
         self.engine.expect()
+        booth = None
         desk = None if self.uploads is None else self.uploads.desk()
         try:
             is_host = not self.default.is_public and sits_here(self._address.public_url)
             seen = VisitorCatalogue(self.catalogue, desk, is_host)
             follow = partial(self._follow_session, self._config, seen, self.default)
-            booth = Booth(self.mirrors and self.mirrors.mirror(), self.homes, self._address.public_url or "")
+            seat = None if self._presentation is None else self._presentation.join(is_host, seen.entry)
+            booth = Booth(self.mirrors and self.mirrors.mirror(), self.homes, self._address.public_url or "", seat)
             session = Session(client, seen, self.engine, self.default, desk, self._views, follow, booth)
         except BaseException:
-            if desk is not None:
-                desk.close()
+            for held in (desk, booth):
+                if held is not None:
+                    held.close()
             raise
         self._visits.add(session)
         return session

@@ -158,7 +158,7 @@ class LiveFeed:
             if held is not None and held.source is seen.source and len(held.cut) == num_windows:
                 return held
             if self.downsample > 1:
-                joined = f"{self.live.sensor}, {self.downsample}×{self.downsample} pixels joined to {self.seen}"
+                joined = f"{self.live.sensor}, binned {self.downsample}×{self.downsample} to {self.seen}"
                 seen = replace(seen, remarks=(*seen.remarks, Remark("assumed", f"{joined} for the network")))
             policy = None if windows is None else windows.policy
             cut = () if windows is None else FirstKept(windows.kept, num_windows)

@@ -184,7 +184,7 @@ class Catalogue:
             recording = self._read(entry, self._stated(entry, recording_id), self._view(entry, recording_id), progress)
             with self._lock:
                 if entry.kind == "upload" and entry.id not in self._private:
-                    raise CatalogueError(f"{entry.title}: was taken away while it was being opened")
+                    raise CatalogueError(f"{entry.title}: was removed while it was being opened")
                 self._open[known_as(recording_id, recording)] = recording
                 self.facts.note(entry.id, recording)
                 while len(self._open) > KEPT_OPEN:

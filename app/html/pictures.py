@@ -142,7 +142,7 @@ def badges(ready: Ready, tones: Tones, first: str = "") -> str:
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold and not ready.is_former:
-        seen = f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "warming up"
+        seen = f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "warm-up"
         found.append(chip(seen, "plain", "Near the first window the network has seen too little to be sure"))
     tone = _TONE_WORDS[resolve(tones.tone, tones.is_linear_light)]
     found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)} · {escape(tone)}</span>')
@@ -227,7 +227,7 @@ def _event_legend(style: EventStyle, limit: float) -> str:
             ticks = [(0.0, "0"), (1.0, f"≥ {short(limit)}")]
             return legend("events per pixel, both polarities", css_gradient(counting()), ticks)
         case "time surface":
-            return f'<div class="et-note">hue: the newest event · bright: now · dark: {short(limit)} ms ago</div>'
+            return f'<div class="et-note">colour: latest polarity · bright: now · dark: {short(limit)} ms ago</div>'
         case "decay":
             ticks = [(0.0, f"−{short(limit)}"), (0.5, "0"), (1.0, f"+{short(limit)}")]
             return legend("signed events, older ones fading", css_gradient(diverging()), ticks)

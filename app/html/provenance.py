@@ -92,7 +92,7 @@ def _state(ready: Ready | None) -> str:
         return f"state: cold start {ready.num_warm} windows ago"
     if not ready.is_cold:
         return "state warm"
-    return f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "state warming up"
+    return f"warm-up {ready.num_seen} of {ready.warm_up}" if ready.warm_up else "state cold"
 
 
 def density_html(value: float, band: tuple[float, float] | None) -> str:

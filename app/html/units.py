@@ -27,7 +27,7 @@ def of_whole(share: float, digits: int = 0) -> str:
 def seconds(value: float, digits: int = 3) -> str:
     """0.620 s, or 1 min 02.5 s for long ones."""
     if value < 60:
-        return f"{value:.{digits}f} s"
+        return f"{value:.{digits}f} s".replace("-", "−")
     minutes, rest = divmod(value, 60)
     width = digits + 3 if digits else 2
     return f"{int(minutes)} min {rest:0{width}.{digits}f} s"

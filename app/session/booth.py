@@ -1,4 +1,4 @@
-"""What the demo has beside the page: the visitor's own camera, and pages to take home."""
+"""What a visitor has beside the page: their own camera, pages to take home, a place in a presentation."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from app.catalogue.mirror import Mirror
 from app.engine.downloads import Download, Downloaded
 from app.html.moment import Moment
 from app.session.jobs import JobNews
+from app.session.messages import Presented
+from app.session.presentation import Seat
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from app.views.demo.state import HOME_SLOT, HomeReady, OpenSheet
@@ -31,12 +33,17 @@ class MirrorNews:
 class Booth:
     """One visitor's. Used by their thread."""
 
-    def __init__(self, mirror: Mirror | None = None, homes: Homes | None = None, public_url: str = "") -> None:
+    def __init__(
+        self, mirror: Mirror | None = None, homes: Homes | None = None, public_url: str = "", seat: Seat | None = None
+    ) -> None:
+        self._seat = seat
         self.mirror, self.homes, self.public_url = mirror, homes, public_url.rstrip("/")
         self._moved_at = 0.0
 
-    def listen(self, post: Callable[[MirrorNews], None]) -> None:
-        """Where news of the mirror go."""
+    def listen(self, post: Callable[[MirrorNews | Presented], None]) -> None:
+        """Where news of the mirror and of the presentation go."""
+        if self._seat is not None:
+            self._seat.post = post
         if self.mirror is not None:
             self.mirror.on_change = lambda recording_id: post(MirrorNews(recording_id))
 
@@ -44,6 +51,20 @@ class Booth:
     def recording_id(self) -> str:
         """The mirror's recording, while it runs; "" otherwise."""
         return "" if self.mirror is None else self.mirror.recording_id
+
+    @property
+    def presenting(self) -> str:
+        """That the page leads others or follows one, in words; empty where nobody presents."""
+        return "" if self._seat is None else self._seat.words
+
+    def following(self, state: ViewState) -> ViewState:
+        """The page with the presenter's moment, where there is one."""
+        return state if self._seat is None else self._seat.following(state)
+
+    def present(self, state: ViewState) -> None:
+        """The page shows this: others may follow."""
+        if self._seat is not None:
+            self._seat.show(state)
 
     def is_live(self, state: ViewState) -> bool:
         """Whether the page shows the mirror."""
@@ -95,6 +116,8 @@ class Booth:
 
     def close(self) -> None:
         """The visitor has gone."""
+        if self._seat is not None:
+            self._seat.leave()
         if self.mirror is not None:
             self.mirror.close()
 

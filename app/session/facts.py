@@ -63,6 +63,10 @@ class KnownFacts:
         before = self._facts
         return self._ask(state) != before
 
+    def can_be_stated(self, recording_id: str) -> bool:
+        """Whether the visitor may say of any recording what its file does not."""
+        return self._catalogue.can_be_stated(recording_id)
+
     def live(self, shown_index: int | None) -> LiveShown | None:
         """How the live source fares, which changes all the time."""
         return self._catalogue.live(shown_index)

@@ -26,13 +26,18 @@ class HandedOver:
 
 
 @dataclass(frozen=True, slots=True)
+class Presented:
+    """The page that leads a presentation has moved, or another one leads."""
+
+
+@dataclass(frozen=True, slots=True)
 class Closed:
     """The visitor has gone."""
 
 
 News = Reply | JobNews | RunPlanned | RunReply | Opening | Opened | Unopened
 Item = Any
-"""An intent, or a message: `Hello`, `Resized`, `RemoveFile`, `HandedOver`, `CanvasChanged`, `Closed`, news."""
+"""An intent, or a message: `Hello`, `Resized`, `RemoveFile`, `HandedOver`, `CanvasChanged`, `Closed`, news …"""
 
 
 def letters(mail: SimpleQueue[Item], patience: float) -> Iterator[Item]:

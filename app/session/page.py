@@ -15,6 +15,7 @@ from app.session.booth import Booth
 from app.session.facts import KnownFacts
 from app.session.frames import NewestFrames
 from app.session.loader import RecordingLoader
+from app.session.standing import NOTHING_REFUSED, Refused
 from app.state.link import to_link
 from app.state.view_state import ViewState
 from app.views.page import Page, RunFrame
@@ -60,7 +61,7 @@ class PageComposer:
         cached: Cached | None,
         is_moving: bool,
         hovers_at: float | None = None,
-        refused: str = "",
+        refused: Refused = NOTHING_REFUSED,
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced, by a finger or because it plays."""
         frames, facts, limits = self.frames, self.known.of(state), self.loader.limits(state)
@@ -84,7 +85,7 @@ class PageComposer:
             runs=runs,
             video=facts.video,
             file_name=facts.file_name,
-            can_be_stated=facts.can_be_stated,
+            stated_id=self._stated_id(state, facts.can_be_stated, refused.recording_id),
             can_be_binned=facts.can_be_binned,
             uploads=facts.uploads,
             link=to_link(state, moment.window.t_stop) if moment is not None and not is_moving else "",
@@ -95,8 +96,9 @@ class PageComposer:
             is_live=limits.is_live,
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
-            refused=refused,
+            refused=refused.why,
             mirror=self.booth.shown(moment, frames.index),
+            presenting=self.booth.presenting,
             gives_home=self.booth.homes is not None,
             public_url=self.booth.public_url,
         )
@@ -106,6 +108,12 @@ class PageComposer:
         return replace(
             page, over_timeline="".join(view.over_timeline(page) for view in marking), cloud=next(clouds, None)
         )
+
+    def _stated_id(self, state: ViewState, can_be_stated: bool, refused_id: str) -> str:
+        """Of the refused recording first: saying what its file does not is the way to open it."""
+        if refused_id and self.known.can_be_stated(refused_id):
+            return refused_id
+        return state.recording_id if can_be_stated else ""
 
     def _hovered(self, state: ViewState, moment: Moment | None, hovers_at: float | None) -> Hovered | None:
         """The window under the pointer, and a small frame of it if one is held."""

@@ -31,7 +31,7 @@ from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
 from app.session.layout import arrangement_of, build_layout, watch_canvas
 from app.session.loader import RecordingLoader
-from app.session.messages import CanvasChanged, Closed, HandedOver, Item, letters
+from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented, letters
 from app.session.opening import Opened, Opening, Unopened
 from app.session.page import PageComposer
 from app.session.player import Player
@@ -178,7 +178,7 @@ class Session:
                 self._greet(tab)
             case AskHelp() | Touched() | FollowLink() | Copied():
                 self._answer(item)
-            case Resized() | CanvasChanged():
+            case Resized() | CanvasChanged() | Presented():
                 pass
             case Hover(seconds):
                 self._hovers_at = seconds
@@ -299,6 +299,7 @@ class Session:
     def _advance(self) -> None:
         if not self._is_known:
             return
+        self._state = self._booth.following(self._state)
         self._held.want(self._state)
         self._lead()
         shown = self._answers.index
@@ -331,6 +332,7 @@ class Session:
         return bool(self._moved_at) and time.monotonic() - self._moved_at < REST
 
     def _glance(self) -> None:
+        self._is_dirty |= self._standing.is_due(time.monotonic())
         if not self._is_moving():
             self._is_dirty |= self._known.look(self._state, self._held.share)
         every = 0.0 if self._booth.is_live(self._state) else PUSH_INTERVAL if self._follows() else GLANCE
@@ -350,6 +352,7 @@ class Session:
         moment, runs = self._held.moment(self._state), ()
         if moment is not None:
             self._standing.note(self._state)
+            self._booth.present(self._state)
             runs = self._comparing.runs(self._state, compared_runs(self._state, self._views), moment, self._answers)
             self._ask(moment, runs)
         page = self._composer.page(

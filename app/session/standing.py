@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from app.state.view_state import ViewState
 
 SAID_FOR = 30.0
 """Seconds for which the page says why it returned."""
+SETTLED = 0.6
+"""Seconds after which widgets are told once more what is open: a hand was on them when the page returned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A recording that was asked for and could not be opened."""
+
+    recording_id: str = ""
+    why: str = ""
+    """Empty once it has been said for long enough."""
+
+
+NOTHING_REFUSED = Refused()
 
 
 class Standing:
@@ -16,21 +30,31 @@ class Standing:
 
     def __init__(self) -> None:
         self._state: ViewState | None = None
-        self._why = ""
+        self._refused = NOTHING_REFUSED
         self._said_at = 0.0
+        self._seen_at = 0.0
 
     def note(self, state: ViewState) -> None:
         """This page has its recording."""
+        if self._state is not None and state.recording_id != self._state.recording_id:
+            self._refused = NOTHING_REFUSED
         self._state = state
 
     def returned(self, now: ViewState, opened_id: str | None, why: str) -> ViewState | None:
         """The page before the one that failed for the reason `why`; `None` where that is not open any more."""
         if self._state is None or opened_id != self._state.recording_id:
             return None
-        self._why, self._said_at = why, time.monotonic()
+        self._refused, self._said_at = Refused(now.recording_id, why), time.monotonic()
         return replace(self._state, workspace=now.workspace, tab=now.tab, visit=now.visit, is_playing=False)
 
     @property
-    def refused(self) -> str:
-        """Why the page returned, for a while."""
-        return self._why if time.monotonic() - self._said_at < SAID_FOR else ""
+    def refused(self) -> Refused:
+        """What was refused, until another recording is open; why, for a while."""
+        is_said = time.monotonic() - self._said_at < SAID_FOR
+        return self._refused if is_said else replace(self._refused, why="")
+
+    def is_due(self, now: float) -> bool:
+        """Whether the page is to be drawn though nothing has happened: when it has returned, and when it is silent."""
+        times = [self._said_at + after for after in (SETTLED, SAID_FOR)] if self._refused.why else []
+        was, self._seen_at = self._seen_at, now
+        return any(was < at <= now for at in times)

@@ -93,8 +93,8 @@ class Page:
     """How far the current video is simulated; `None` for what is no video."""
     file_name: str = ""
     """What the command line is told of the recording; empty for what it cannot open."""
-    can_be_stated: bool = False
-    """Whether the visitor may say of this recording what its file does not."""
+    stated_id: str = ""
+    """The recording of which the visitor may say what its file does not: this one, or the one that was refused."""
     refused: str = ""
     """Why another recording, asked for a moment ago, was not opened."""
     can_be_binned: bool = False
@@ -118,6 +118,8 @@ class Page:
     """That the current window's events have left the buffer of the live recording."""
     mirror: MirrorShown | None = None
     """The visitor's own camera; `None` where none is taken."""
+    presenting: str = ""
+    """That this page leads others, or follows one, in words."""
     gives_home: bool = False
     """Whether a visitor can take a page home."""
     public_url: str = ""

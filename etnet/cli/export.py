@@ -28,7 +28,7 @@ MEMORY = 128 << 20
 
 @dataclass(frozen=True)
 class Source:
-    """What is taken away."""
+    """What is exported."""
 
     file: tyro.conf.Positional[Path]
     """A recording: a file, a folder or a zip."""
@@ -114,7 +114,7 @@ class Page(Source):
     """One HTML file that opens from disk with the network off: everything at hand, nothing to install."""
 
     also: tuple[str, ...] = ()
-    """More models, each shown in a lane of its own beside --model."""
+    """More models, each shown as a run of its own beside --model."""
     title: str | None = None
     """Default: the recording's name."""
     queries: tuple[int, int] = (6, 4)

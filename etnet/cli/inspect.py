@@ -82,7 +82,7 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
     seconds = (found.stop - found.start) / 1e6
     share = found.num_on / found.num_looked_at if found.num_looked_at else 0.0
     mean, peak = found.mean_rate / 1e6, found.peak_rate / 1e6
-    rates = f"mean {mean:.3f} M/s, peak {peak:.3f} M/s" if seconds else "no rate: all have one stamp"
+    rates = f"mean {mean:.3f} Mev/s, peak {peak:.3f} Mev/s" if seconds else "no rate: all have one timestamp"
     first_gap = f", first {found.gaps[0].start:,} … {found.gaps[0].stop:,} µs" if found.gaps else ""
     rows = [
         ("sensor", f"{found.width} × {found.height} pixels"),
@@ -110,7 +110,7 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
 def _triggers(found: TriggersExam) -> str:
     inputs = ", ".join(map(str, found.channels))
     edges = f"{found.num_rising:,} rising, {found.num_falling:,} falling"
-    span = f"stamps {found.first:,} … {found.last:,} µs, {found.num_outside_span:,} outside the events' span"
+    span = f"timestamps {found.first:,} … {found.last:,} µs, {found.num_outside_span:,} outside the events' span"
     return f"{found.num_triggers:,} on input {inputs}: {edges}; {span}"
 
 

@@ -114,7 +114,7 @@ def _reconstruct(
         policy, said = pace.policy, pace.said
     else:
         policy, said = parse_policy(config.windows), f"windows {config.windows}"
-    binned = f", {downsample}×{downsample} pixels joined to {seen}" if downsample > 1 else ""
+    binned = f", binned {downsample}×{downsample} to {seen}" if downsample > 1 else ""
     console.print(f"{live.source.name}: {live.sensor}{binned}; {said}", markup=False, soft_wrap=True)
     windows = LiveWindows(live, policy, seen)
     if recorder is not None:

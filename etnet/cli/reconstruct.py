@@ -50,7 +50,7 @@ class Reconstruct:
     recording (its frames), or triggers, triggers=INPUT, triggers=INPUT/rising, triggers=INPUT/falling of this one.
     --windows duration=… or count=… is then what the window before each holds; default: since the moment before."""
     stamps_unit: Literal["s", "ms", "us", "ns"] | None = None
-    """What the stamps count, where their column does not say it."""
+    """Time unit of the timestamps, where their column does not say it."""
     upsample: int = 1
     """Windows from one moment to the next; only the last one's frame is written. A network likes short windows."""
     layout: Literal["frames", "kalibr"] = "frames"

@@ -33,7 +33,9 @@ def run(config: Record) -> int:
     with ExitStack() as stack:
         is_stopped = stack.enter_context(stopping(config.options.seconds))
         live = stack.enter_context(opened(config.source, config.options, is_stopped))
-        console.print(f"recording {live.source.name}, {live.sensor}; Ctrl+C ends it", markup=False, soft_wrap=True)
+        console.print(
+            f"recording {live.source.name}, {live.sensor}; press Ctrl+C to stop", markup=False, soft_wrap=True
+        )
         teller = Teller(live)
         recorder = Recorder(live, config.out, first=0, overwrite=config.overwrite)
         live.start()

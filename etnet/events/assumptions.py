@@ -69,7 +69,7 @@ class Assumptions:
 
 def said_unit(unit: TimeUnit) -> str:
     """What a reader remarks when it follows the stated unit; without it `open` says that the unit was not used."""
-    return f"stamps count {unit}, as stated"
+    return f"time unit {unit}, as stated"
 
 
 NOTHING_ASSUMED = Assumptions()

@@ -209,7 +209,7 @@ def _findings(recording: Recording, rates: tuple[float, ...], tally: _Tally) -> 
 
 
 def _mean_rate(recording: Recording) -> float:
-    """Events per second; 0 where all have one stamp, for then there is no rate."""
+    """Events per second; 0 where all have one timestamp, for then there is no rate."""
     return recording.num_events * 1e6 / recording.span.duration if recording.span.duration else 0.0
 
 
@@ -302,7 +302,8 @@ def _advice(recording: Recording, tally: _Tally, hot: tuple[HotPixel, ...]) -> t
         make = "1 hot pixel makes" if len(hot) == 1 else f"{len(hot)} hot pixels make"
         said.append(f"{make} {share:.1%} of the events; a hot-pixel mask would help")
     if recording.span.duration and tally.longest_run > 0.05 * recording.sensor.num_pixels:
-        said.append(f"up to {tally.longest_run} events share one stamp: the clock is coarse or rows are read at once")
+        most = f"up to {tally.longest_run} events share one timestamp"
+        said.append(f"{most}: the clock is coarse or rows are read at once")
     if recording.path is None:  # nothing was opened, so nobody looked at its frames yet
         said += advice_on_frames(recording.ground_truth, recording.sensor, recording.span)
     return tuple(said)

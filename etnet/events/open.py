@@ -114,7 +114,7 @@ def _unused_unit(assume: Assumptions, opened: Opened) -> tuple[Remark, ...]:
     unit = assume.time_unit
     if unit is None or any(remark.text == said_unit(unit) for remark in opened.remarks):
         return ()
-    text = f"the stated unit, {unit}, is not used: what stamps count is settled by the format, {opened.format}"
+    text = f"the stated unit, {unit}, is not used: the time unit is settled by the format, {opened.format}"
     return (Remark("detected", text),)
 
 

@@ -41,8 +41,8 @@ def advice_on_clock(source: EventSource, sensor: Sensor, span: Span) -> tuple[st
         return ()
     if span.duration == 0:
         return (
-            f"all {count:,} events have one stamp, {span.start} µs: the time was lost when they were saved, or another "
-            "column is the time",
+            f"all {count:,} events have one timestamp, {span.start} µs: the time was lost when they were saved, or "
+            "another column is the time",
         )
     rate = count / seconds
     said = []

@@ -227,7 +227,7 @@ def _write_evt3(part: _Part, path: Path) -> tuple[Remark, ...]:
     _write_through_faery(part, path, "evt")
     mark_turns(path)
     unwritten = _write_triggers(part, path)
-    said = Remark("detected", "stamps count from the first event; its own stamp stands in the header's t0")
+    said = Remark("detected", "timestamps begin at the first event; its own timestamp stands in the header's t0")
     return (said, *unwritten, *_without_frames(part, "EVT3 has none"))
 
 

@@ -94,7 +94,7 @@ if (attention) {
   document.getElementById('maps').style.setProperty('--num-maps', maps.length);
   document.getElementById('attention-scale').style.background = `linear-gradient(90deg, ${facts.colours.attention.join(',')})`;
   document.getElementById('scale-low').textContent = `${attention.range[0].toFixed(2)} ×`;
-  document.getElementById('scale-high').textContent = `${attention.range[1].toFixed(2).replace('.00', '')} × an equal share`;
+  document.getElementById('scale-high').textContent = `${attention.range[1].toFixed(2).replace('.00', '')} × uniform`;
 } else {
   document.getElementById('attention-panel').hidden = true;
 }

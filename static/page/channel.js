@@ -243,34 +243,10 @@
     if (event.key === "Enter" && event.target.matches?.("[role=combobox], [aria-haspopup=listbox]")) setTimeout(giveBack, 60);
   });
 
-  // On a narrow window viser folds every panel and makes what is folded deaf to fingers. The style sheet shows it all.
-  const unfold = () => {
-    for (const folded of document.querySelectorAll("[inert]:is(:has(.etv-page-mark), :has(.etv-strip))")) {
-      folded.inert = false;
-      folded.removeAttribute("aria-hidden");
-    }
-  };
-
-  // viser's canvas lies over the slot of its card, wherever that stands and as long as it can be seen.
-  let placed = "";
-  const place = () => {
-    const slot = document.querySelector(".etv-scene-slot");
-    const box = slot?.checkVisibility() ? slot.getBoundingClientRect() : null;
-    const now = box && box.width > 20 ? [box.left, box.top, box.width, box.height].map(Math.round).join() : "";
-    if (now === placed) return;
-    placed = now;
-    const style = document.documentElement.style;
-    for (const [i, side] of ["left", "top", "width", "height"].entries()) {
-      if (now) style.setProperty(`--scene-${side}`, `${now.split(",")[i]}px`);
-      else style.removeProperty(`--scene-${side}`);
-    }
-    window.dispatchEvent(new Event("resize")); // viser measures its canvas then
-  };
-  setInterval(() => (unfold(), place()), 100);
   let waiting = 0;
   window.addEventListener("resize", () => {
     clearTimeout(waiting);
-    waiting = setTimeout(() => (place(), say("size", ...size())), 150);
+    waiting = setTimeout(() => say("size", ...size()), 150);
   });
 
   // The list of recordings: what is typed leaves out what does not match; a choice, Escape or a click elsewhere closes it.
@@ -391,10 +367,9 @@
   }, 3500);
 
   document.title = "ET-Net viewer"; // viser sets its own once it runs
-  place();
   window.etnetHello();
   follow();
-  for (const name of ["tour", "upload", "tidy", "keys", "pictures"]) {
+  for (const name of ["scene", "tour", "upload", "tidy", "keys", "pictures"]) {
     const script = document.createElement("script");
     script.src = `/static/${name}.js`;
     document.head.append(script);

@@ -27,15 +27,7 @@
     script.src = `/static/${name}.js`;
     document.head.append(script);
   }
-  // viser folds its sections on a phone and makes what is folded inert; our style sheet shows it all, so it must be live.
-  const unfold = () => {
-    for (const folded of document.querySelectorAll("[inert]:has(.etv-demo, .etv-demo-bar, .etv-card, .etv-bar, .etv-strip)")) {
-      folded.inert = false;
-      folded.removeAttribute("aria-hidden");
-    }
-  };
   setInterval(() => {
-    unfold();
     takeRemark();
     takeWhatWasLeft();
   }, 250);

@@ -2,11 +2,11 @@
 // it knows the page only by what stands in it, and asks nothing of the server.
 (() => {
   const EXPERT = [
-    [".et-events, [data-testid=events]", "The sensor", "This sensor takes no pictures. Each pixel reports an <b>event</b> when it became brighter (orange) or darker (blue). A <b>window</b> is the events that make one image."],
-    ["[data-testid=voxels]", "What the network is given", "The window, cut into five <b>time bins</b> (a voxel grid): in each, brighter counts up and darker counts down."],
-    ["[data-testid=reconstruction]", "What it makes of them", "The <b>reconstruction</b> comes from events alone. The network carries a <b>state</b> from window to window: its memory. Green <b>exact</b> means: the same, bit for bit, as a run from the start."],
-    ["[data-testid=attention]", "Where it looks", "Click a pixel of any picture. Each map shows which places (<b>tokens</b>, 8 × 8 pixels) the network read to redraw that spot; each <b>head</b> is one of several such glances, and <b>cross-attention</b> reads a coarser picture."],
-    ["[data-testid=timeline], [data-testid=strip]", "Time", "Drag here, or press <kbd>space</kbd> to play and <kbd>J</kbd> <kbd>L</kbd> for one window back or on. <kbd>C</kbd> copies a link to the moment, <kbd>?</kbd> explains every word."],
+    ["[data-card=events]:not([hidden])", "Events", "This sensor takes no pictures. Each pixel reports an <b>event</b> when it became brighter (orange) or darker (blue). A <b>window</b> is the events that make one image."],
+    ["[data-card=voxels]:not([hidden])", "Network input", "The window, cut into five <b>bins</b> of its time (a voxel grid): in each, brighter counts up and darker counts down."],
+    ["[data-card=reconstruction]:not([hidden])", "Reconstruction", "It is made of events alone. The network carries a <b>state</b> from window to window: its memory. Green <b>exact</b> means: the same, bit for bit, as a run from the start. <b>Click a pixel</b> to ask about it."],
+    [".etv-bar > .etv-segmented", "Workspaces", "<b>Attention</b> shows which tokens (8 × 8 pixels) the network attends to at the pixel you clicked, <b>Compare</b> sets runs beside each other, <b>Recording</b> says what the file holds."],
+    [".etv-strip", "Time", "Drag here, or press <kbd>space</kbd> to play and <kbd>←</kbd> <kbd>→</kbd> for the previous or next window. <kbd>C</kbd> copies a link to the moment, <kbd>?</kbd> explains every word."],
   ];
   const PUBLIC = [
     ["[data-card=scene], .etv-map", "Dots instead of pictures", "This camera takes no pictures. Each dot is one pixel that became brighter (orange) or darker (blue). Time runs away from you: drag to turn it."],
@@ -103,11 +103,13 @@
   window.addEventListener("resize", place);
   setInterval(place, 500); // parts move when pictures come
 
-  // Offered when there is something to point at, to a browser that has not had it, never on a phone or in public.
+  // Offered when all is there to point at and nothing is going on, to a browser that has not had it, never on a phone or in public.
   const offer = () => {
     if (remembered() || innerWidth < 900) return;
     if (document.querySelector("[data-etv-public]")) return;
-    if (!document.querySelector("[data-testid=reconstruction] img")) return void setTimeout(offer, 500);
+    const isBusy = [...document.querySelectorAll(".et-lag")].some((lag) => lag.checkVisibility());
+    const isThere = document.querySelector("[data-testid=reconstruction] img") && EXPERT.every(([parts]) => seen(parts));
+    if (isBusy || !isThere) return void setTimeout(offer, 500);
     begin();
   };
   setTimeout(offer, 1500);

@@ -83,7 +83,7 @@
   const cover = document.createElement("div");
   cover.className = "etv-drop";
   cover.hidden = true;
-  cover.textContent = "Let go to open it here";
+  cover.textContent = "Drop to open it here";
   document.body.append(cover);
   const isFile = (event) => Boolean(ticket()) && [...(event.dataTransfer?.types ?? [])].includes("Files");
   document.addEventListener("dragover", (event) => {

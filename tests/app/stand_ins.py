@@ -24,6 +24,7 @@ from app.catalogue.uploads import Uploads
 from app.catalogue.videos import Videos
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.requests import EngineStatus, Failed, Ready, Working
+from app.session.booth import Booth
 from app.session.session import Session
 from app.state.view_state import ViewState
 from app.views import VIEWS
@@ -167,7 +168,7 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(view=lambda default: default, most_visitors=None, limits=None, views=VIEWS):
+def served(view=lambda default: default, most_visitors=None, limits=None, views=VIEWS, presentation=None):
     shelf, engine, sessions = Shelf(), InstantEngine(), {}
     default = view(ViewState(recording_id="a", model_id="m", precision="fp32"))
 
@@ -175,9 +176,9 @@ def served(view=lambda default: default, most_visitors=None, limits=None, views=
 
     def visit(client):
         own_files = None if uploads is None else uploads.desk()
-        sessions[client.client_id] = Session(
-            client, VisitorCatalogue(shelf, own_files), engine, default, own_files, views
-        )
+        seen = VisitorCatalogue(shelf, own_files)
+        booth = None if presentation is None else Booth(seat=presentation.join(False, seen.entry))
+        sessions[client.client_id] = Session(client, seen, engine, default, own_files, views, booth=booth)
         return sessions[client.client_id]
 
     doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}

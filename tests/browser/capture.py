@@ -17,8 +17,9 @@ import numpy as np
 
 from app.config import ViewerConfig
 from app.main import Viewer
+from app.session.rehearsal import rehearse
 from etnet.export.video import video_writer
-from tests.browser.chromium import chromium, executable, open_page
+from tests.browser.chromium import chromium, executable
 
 SECONDS = 5.0
 SIZES = ((1600, 900), (390, 844))
@@ -30,8 +31,16 @@ ON_SHEET = 10
 COLUMNS = {True: 5, False: 10}
 """Of the sheet, for a page that is wider than high and for one that is not."""
 SHEET_WIDTH = 2400
-WAITS = {"demo": 9_000, "file": 500}
-"""Milliseconds of the page before the film begins; the demo's second act is on by then."""
+WAITS = {"act": 9_000, "file": 500}
+"""Milliseconds before a film begins; the demo's next act is on by then."""
+NOTE_IMAGES = """window.images = [];
+let shown;
+setInterval(() => {
+  const now = document.querySelector(".etv-image img")?.alt;
+  if (now && now !== shown) window.images.push(performance.now() / 1000);
+  shown = now;
+}, 20);"""
+"""Seconds since the page was asked for at which another image stood in it."""
 SCRUB = """async (seconds) => {
   const play = document.getElementById('play');
   const slider = document.getElementById('seek'), last = Number(slider.max), start = performance.now();
@@ -118,16 +127,26 @@ def stamped(frame: np.ndarray, second: float, width: int) -> np.ndarray:
 
 
 def film_demo(browser, folder: Path) -> None:
-    """The demo while nobody touches it."""
+    """The demo as a visitor meets it who comes cold, from the first byte on; nobody touches it."""
     viewer = Viewer(ViewerConfig(demo=True, port=0))
     try:
+        rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda done, total: None)
         for width, height in SIZES:
-            page = open_page(browser, viewer.url, width, height, patience=PATIENCE)
-            page.get_by_test_id("reconstruction").locator("img:visible").first.wait_for()
-            page.wait_for_timeout(WAITS["demo"])
+            phone = {"is_mobile": True, "has_touch": True} if width < 500 else {}
+            context = browser.new_context(viewport={"width": width, "height": height}, **phone)
+            context.add_init_script(NOTE_IMAGES)
+            page = context.new_page()
+            page.set_default_timeout(PATIENCE)
+            page.goto(viewer.url, wait_until="commit")
             film = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
-            page.context.close()  # it would go on painting, and take the processor from the film that is written
-            keep(film, folder, f"demo_{width}")
+            page.wait_for_function("() => window.images.length > 2")
+            first, second = page.evaluate("() => window.images.slice(0, 2)")
+            page.wait_for_timeout(WAITS["act"])
+            acts = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
+            context.close()  # it would go on painting, and take the processor from the film that is written
+            print(f"first image after {first:.1f} s, motion {second - first:.1f} s later")
+            keep(film, folder, f"demo_cold_{width}")
+            keep(acts, folder, f"demo_acts_{width}")
     finally:
         viewer.stop()
 

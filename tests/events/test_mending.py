@@ -84,7 +84,7 @@ def test_units_that_values_tell_are_found_and_said(tmp_path):
         path = save(tmp_path / f"{unit}.npz", **columns_of(events) | {"t": stored})
         with open_recording(path) as recording:
             np.testing.assert_array_equal(np.diff(all_events(recording).t), np.diff(events.t))
-            assert f"assumed: stamps count {unit}" in said(recording)
+            assert f"assumed: time unit {unit}" in said(recording)
 
 
 def shuffled(step: int):

@@ -55,7 +55,7 @@ def test_a_small_step_back_in_dat_is_sorted_and_not_called_a_turn(tmp_path):
     with open_recording(save_dat(tmp_path / "a.dat", t)) as recording:
         np.testing.assert_array_equal(all_events(recording).t, np.sort(t))
         told = [remark.text for remark in recording.remarks if remark.kind == "repaired"]
-    assert told == ["time ran back 1 times, first at event 3000, by up to 300 µs; the events were sorted by stamp"]
+    assert told == ["time ran back 1 times, first at event 3000, by up to 300 µs; the events were sorted by timestamp"]
 
 
 @pytest.mark.parametrize("suffix", [*SAVE, ".npz"])

@@ -33,7 +33,7 @@ def test_a_sound_recording_gets_no_advice(tmp_path):
 @pytest.mark.parametrize(
     ("stamps", "match"),
     [
-        (np.zeros(3000, np.int64), "all 3,000 events have one stamp"),
+        (np.zeros(3000, np.int64), "all 3,000 events have one timestamp"),
         (EVENTS.t // 10_000 * 10_000, "events share a stamp, and stamps lie 10,000 µs apart"),
         (np.linspace(0, 10**17, 3000).astype(np.int64), "no recording in any unit"),
     ],
@@ -62,14 +62,14 @@ def test_floats_of_32_bits_say_how_coarse_they_are(tmp_path):
     stamps = (1_461_581_614.0 + EVENTS.t / 1e6).astype(np.float32)
     said = "\n".join(advice(save(tmp_path / "a.npz", stamps)))
     assert "resolve steps of 128 only" in said
-    assert "all 3,000 events have one stamp" in said
+    assert "all 3,000 events have one timestamp" in said
 
 
 def test_the_page_has_the_advice_once_and_no_rate_without_time(tmp_path, capsys):
     path = save(tmp_path / "a.npz", np.zeros(3000, np.int64))
     assert inspect.run(inspect.Inspect(path, Opening())) == 0
     page = capsys.readouterr().out
-    assert page.count("all 3,000 events have one stamp") == 1
+    assert page.count("all 3,000 events have one timestamp") == 1
     assert "no rate" in page
     assert "M/s" not in page
     with open_recording(path) as recording:

@@ -36,6 +36,6 @@ def links_of(ready: Ready | None, query: tuple[int, int] | None) -> tuple[Link, 
 
 
 def link_words(links: tuple[Link, ...], scale: int) -> str:
-    """ "1/8 reads up to 3.1 × uniform"."""
+    """ "1/8 attends up to 3.1 × uniform"."""
     most = max((link.times_uniform for link in links if link.scale == scale), default=0.0)
-    return f"{resolution(scale)} reads up to {most:.2g} × uniform"
+    return f"{resolution(scale)} attends up to {most:.2g} × uniform"

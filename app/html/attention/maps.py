@@ -69,12 +69,12 @@ def _site(name: str) -> Site:
 
 
 def site_words(name: str, sites: tuple[str, ...]) -> str:
-    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 reads 1/8"."""
+    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 attends to 1/8"."""
     site = Site.of(name)
     own = resolution(site.scale)
     if site.kind == "self":
-        return f"{own} · {site.part} {site.layer + 1}, self-attention: {own} reads itself"
-    return f"{own} · {site.part} {site.layer + 1}, cross-attention: {own} reads {resolution(source(site, sites))}"
+        return f"{own} · {site.part} {site.layer + 1}, self-attention: {own} attends to itself"
+    return f"{own} · {site.part} {site.layer + 1}, cross-attention: {own} attends to {resolution(source(site, sites))}"
 
 
 def source(site: Site, sites: tuple[str, ...]) -> int:
@@ -267,7 +267,7 @@ def places_html(ready: Ready | None, look: AttentionLook | None, site: str) -> s
     """One map alone, large, for those who do not ask for more; says what to do when there is nothing to show."""
     attention = None if ready is None else ready.attention
     if look is None:
-        return panel("places", empty("Touch a picture", "Then this shows what the network reads to redraw that spot."))
+        return panel("places", empty("Touch a picture", "Then this shows what the network attends to at that pixel."))
     if ready is None or attention is None or site not in attention.sites:
         return panel("places", empty("One moment", "It is computed together with the next image."))
 
@@ -275,7 +275,7 @@ def places_html(ready: Ready | None, look: AttentionLook | None, site: str) -> s
         image = attention_image(ready, look, site)
         assert image is not None
         height, width = ready.frame.shape
-        name = f"What pixel {look.query} reads"
+        name = f"What pixel {look.query} attends to"
         shown = picture(data_url(image, is_lossless=False), name, key="pixel", size=(width, height))
         words = site_words(site, attention.sites)
         return f'{shown}<div class="et-note">{escape(words)}</div>'

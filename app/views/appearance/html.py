@@ -44,6 +44,8 @@ def bar_html(page: Page) -> str:
     if page.moment is not None:
         facts = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
     changed = "" if state.is_public else change_chip(page)
+    if page.presenting:
+        changed += f'<span class="et-chip et-exact" data-testid="presenting">{escape(page.presenting)}</span>'
     if page.refused:
         facts = f'<span class="et-failed" role="alert" data-testid="refused">{escape(page.refused)}</span>'
     tools = (
@@ -84,7 +86,7 @@ def recordings_html(page: Page) -> str:
         for choice in page.recordings
     )
     return (
-        f'<details class="etv-recordings"><summary title="Choose a recording">{escape(title)}</summary>'
+        f'<details class="etv-recordings"><summary title="Choose a recording"><span>{escape(title)}</span></summary>'
         f'<div class="etv-list"><input type="search" placeholder="Search recordings" aria-label="Search recordings">'
         f"{rows}</div></details>"
     )

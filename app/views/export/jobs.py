@@ -239,7 +239,7 @@ class _Relay:
 
     def give_up(self) -> None:
         """Let a writer that waits go."""
-        self._answers.put(Cancelled("what was to be taken away is not wanted any more"))
+        self._answers.put(Cancelled("this export was cancelled"))
 
 
 def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
@@ -254,7 +254,7 @@ def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
         last = num_windows - 1 if wanted.last is None else min(max(wanted.last, first), num_windows - 1)
     if last - first >= MOST_WINDOWS:
         raise EtnetError(
-            f"{last - first + 1:,} windows are more than a page takes away ({MOST_WINDOWS:,}); "
+            f"{last - first + 1:,} windows are more than one page holds ({MOST_WINDOWS:,}); "
             "choose a range, or use `etnet export`"
         )
     # A session says itself what was changed, and carries it in a branch of its own.

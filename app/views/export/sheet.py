@@ -80,7 +80,7 @@ def _voxels(moment: Moment) -> Section:
     bins, _ = voxel_tiles(moment.voxel, moment.recording.sensor.width, limit)
     tiles = [Tile(tile, f"Bin {index + 1}", bin_words(index)) for index, tile in enumerate(bins)]
     scale = Scale(diverging(), f"darker, -{short(limit)}", f"+{short(limit)}, brighter")
-    return Section([Row(tiles)], f"Voxel grid: the events' votes in {NUM_BINS} parts of the window's time", scale)
+    return Section([Row(tiles)], f"Network input (voxel grid, {NUM_BINS} bins): polarity sum", scale)
 
 
 def _maps(ready: Ready, attention: Attention, look: AttentionLook) -> Section:

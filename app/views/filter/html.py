@@ -27,7 +27,7 @@ def filter_html(page: Page) -> str:
     times[_key(replace(cleaning, support_within=0))] = "off"
     rows = [
         ("Hot pixels", segmented("Hot pixels", hot, _key(cleaning)), _masked(page)),
-        ("Background activity", segmented("Supported within, ms", times, _key(cleaning)), ""),
+        ("Background activity", segmented("Background activity filter, ms", times, _key(cleaning)), ""),
     ]
     if cleaning.support_within:
         wanted = {_key(replace(cleaning, neighbours=number)): str(number) for number in NEIGHBOURS}

@@ -11,12 +11,12 @@ from app.views.panel import Dispatch, Html, Panel
 
 
 class FilterPanel(Panel):
-    """Two elements: what is taken out, and why this frame is bad."""
+    """Two elements: why this frame is bad, and what is taken out."""
 
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
-        """The filter, then the findings."""
-        self._filter = Html(gui)
+        """The findings, then the filter."""
         self._why = Html(gui)
+        self._filter = Html(gui)
 
     def show_settings(self, page: Page) -> None:
         """Set the buttons to what is so."""

@@ -49,7 +49,7 @@ def _seen(live: LiveShown) -> str:
     if live.downsample == 1:
         return "every pixel"
     side = f"{live.downsample}×{live.downsample}"
-    return f"{live.seen} pixels: {side} joined to one, so that it keeps up; --downsample 1 shows every pixel"
+    return f"{live.seen} pixels: binned {side}, so that it keeps up; --downsample 1 shows every pixel"
 
 
 def _held(live: LiveShown) -> str:

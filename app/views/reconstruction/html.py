@@ -71,7 +71,7 @@ def tools_html(page: Page) -> str:
         tools += _switch("variance", "Variance, as the network estimates it", shows)
     if page.moment is not None and page.moment.recording.ground_truth:
         tools += _switch("swipe", "Swipe against the camera", shows)
-    return tools
+    return tools + icon_button("tab:filter", "info", "Why is it bad here?")
 
 
 def _switch(name: str, words: str, shows: str) -> str:

@@ -7,10 +7,11 @@ from typing import Literal
 
 import viser
 
-from app.catalogue.recording_id import stated_id, stated_in
+from app.catalogue.recording_id import listed_id, stated_id, stated_in
+from app.html.elements import escape
 from app.state import intents as ask
 from app.views.page import Page
-from app.views.panel import Dispatch, assign
+from app.views.panel import Dispatch, Html, assign
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, TimeUnit
 
@@ -38,6 +39,7 @@ class Statement:
         self._recording_id = ""
         self._folder = gui.add_folder("Import options", expand_by_default=False, visible=False)
         with self._folder:
+            self._of = Html(gui)
             self._sensor = gui.add_text("Sensor", "", hint="--assume: width×height in pixels, for example 640×480")
             self._unit = gui.add_dropdown("Time unit", tuple(UNITS), hint="--time-unit")
             self._polarity = gui.add_dropdown("Polarity", tuple(POLARITIES), hint="--polarity")
@@ -58,12 +60,14 @@ class Statement:
         button.on_click(pressed)
 
     def show(self, page: Page) -> None:
-        """Say what is stated of the current recording, once it is another one: what is being typed stays."""
-        if self._folder.visible != page.can_be_stated:
-            self._folder.visible = page.can_be_stated
-        if page.state.recording_id == self._recording_id:
+        """Say what is stated of the recording, once it is another one: what is being typed stays."""
+        is_offered, is_refused = bool(page.stated_id), page.stated_id not in ("", page.state.recording_id)
+        if self._folder.visible != is_offered:
+            self._folder.visible = is_offered
+        self._of.show(_of_html(page) if is_refused else "")
+        if page.stated_id == self._recording_id:
             return
-        self._recording_id = page.state.recording_id
+        self._recording_id = page.stated_id
         try:
             stated = stated_in(self._recording_id)
         except EtnetError:
@@ -78,6 +82,13 @@ class Statement:
         width, height = sensor_of(str(self._sensor.value))
         unit, polarity = UNITS.get(self._unit.value), POLARITIES.get(self._polarity.value, "auto")
         return Assumptions(width, height, unit, polarity, bool(self._sorts.value), bool(self._drops.value))
+
+
+def _of_html(page: Page) -> str:
+    """Which file the options are for, where it is not the one that is open."""
+    names = (choice.title for choice in page.recordings if choice.id == listed_id(page.stated_id))
+    said = f"{next(names, 'The file')} could not be opened as it is."
+    return f'<div class="et"><div class="et-note">{escape(said)}</div></div>'
 
 
 def sensor_of(text: str) -> tuple[int | None, int | None]:

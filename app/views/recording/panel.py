@@ -85,7 +85,7 @@ class RecordingPanel(Panel):
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
-        self._facts.show(_facts(page) if not _is_examined(page) else _written(page))
+        self._facts.show(_facts(page, has_log=not _is_examined(page)))
         self._cut.show(_cut(page))
 
     def _seen(self, contrast: float, noise: float) -> ask.Intent | None:
@@ -141,7 +141,8 @@ def _offer(
             assign(dropdown, title)
 
 
-def _facts(page: Page) -> str:
+def _facts(page: Page, has_log: bool = True) -> str:
+    """What is open; its statistics hold the import log, too."""
     writing = _writing(page.growing)
     if page.moment is None:
         said = f'<div class="et-note">{escape(page.trouble)}</div>' if page.trouble else ""
@@ -159,7 +160,7 @@ def _facts(page: Page) -> str:
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told)
     rows += f"<dt>Binning</dt><dd>{binning_html(page)}</dd>" if page.can_be_binned else ""
     remarks = "".join(f"<li>{escape(str(remark))}</li>" for remark in recording.remarks)
-    noticed = f"<h3>Import log</h3><ul>{remarks}</ul>" if remarks else ""
+    noticed = f"<h3>Import log</h3><ul>{remarks}</ul>" if remarks and has_log else ""
     return f'<div class="et etv-told" data-testid="facts"><dl>{rows}</dl>{noticed}{writing}</div>'
 
 
@@ -169,17 +170,6 @@ def _writing(names: tuple[str, ...]) -> str:
         return ""
     listed = escape(", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else ""))
     return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
-
-
-def _written(page: Page) -> str:
-    """What is left to say above the doctor's page, which says the rest."""
-    writing = _writing(page.growing)
-    return f'<div class="et">{writing}</div>' if writing else ""
-
-
-def _is_examined(page: Page) -> bool:
-    result = _examination(page)
-    return page.state.of(RecordingState).examines and result is not None and result.is_whole
 
 
 def _examination(page: Page) -> JobResult | None:

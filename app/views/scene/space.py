@@ -20,6 +20,8 @@ CLOSE = 0.76
 """The booth's camera stands nearer than one that sees every corner."""
 LOWERED = 0.3
 """How far below the middle the booth's camera looks, scene units: from above, the box lies low in the picture."""
+FOR_TICKS = 0.09
+"""How far below the middle the usual camera looks, so that the lowest tick has room."""
 Vector = Float[np.ndarray, " 3"]
 """A place or a direction in the scene."""
 LONG_SIDE = 3.6
@@ -89,7 +91,7 @@ def camera_place(space: Space, camera: Camera, aspect: float) -> CameraPlace:
         return CameraPlace((0.0, 0.0, -distance), (0.0, 0.0, 0.0), fov, distance * 0.5, distance * 1.5)
     towards = np.array(TOWARDS[camera])
     towards /= np.linalg.norm(towards)
-    middle = np.array([0.0, LOWERED if camera == "booth" else 0.0, DEPTH / 2])
+    middle = np.array([0.0, {"booth": LOWERED, "orbit": FOR_TICKS}.get(camera, 0.0), DEPTH / 2])
     fov = 0.5
     distance = _distance_to_see(space, middle, towards, fov, aspect) * (CLOSE if camera == "booth" else 1.0)
     position = middle + towards * distance

@@ -73,7 +73,7 @@ def marks_html(moment: Moment, state: ViewState) -> str:
     begin = span.start if state.mark_a is None else state.mark_a
     end = span.stop if state.mark_b is None else state.mark_b
     words = f"{seconds((begin - span.start) / MICROSECONDS)} – {seconds((end - span.start) / MICROSECONDS)}"
-    clear = icon_button("timeline:clear", "close", "Clear the marks (X)")
+    clear = icon_button("timeline:clear", "close", "Clear the marks (U)")
     return f'<span class="etv-marks" data-testid="marks"><b>A–B</b> {escape(words)}{clear}</span>'
 
 

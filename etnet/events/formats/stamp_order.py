@@ -99,7 +99,7 @@ class StampOrder:
         """What is said where the events were sorted."""
         return (
             f"time ran back {self.num_back} times, first at event {self.first_back}, by up to {self.farthest} µs; "
-            "the events were sorted by stamp"
+            "the events were sorted by timestamp"
         )
 
 

@@ -83,12 +83,12 @@ def judged_unit(
     unit = first if evidence.is_possible(first) else _other(evidence, first)
     if unit is not None and unit != first:
         remarks.assumed(
-            f"stamps count {unit}: in {first}, because {why}, they would be {evidence.said(first)}; "
+            f"time unit {unit}: in {first}, because {why}, the timestamps would be {evidence.said(first)}; "
             f"in {unit} they are {evidence.said(unit)}; --time-unit overrules"
         )
         return unit
     if usual is None:
-        remarks.assumed(f"stamps count {first}, because {why}; --time-unit overrules")
+        remarks.assumed(f"time unit {first}, because {why}; --time-unit overrules")
     if unit is None:
         remarks.advise(
             f"the stamps make no recording in any unit: in {first}, because {why}, they are {evidence.said(first)}; "

@@ -107,7 +107,7 @@ def test_a_page_with_a_part_says_so_and_shows_the_whole_by_itself_at_the_same_wi
             part.growth.share, part.growth.is_over = 1.0, True
             await browser.until_shown("window 3 of 0 – 14")
             assert "only its beginning" not in browser.html()
-            assert '<summary title="Choose a recording">recording a</summary>' in browser.html()
+            assert '<summary title="Choose a recording"><span>recording a</span></summary>' in browser.html()
             await browser.until_shown("Reconstruction of window 3")
             return [request.recording_id for _, request in running.engine.requests]
 

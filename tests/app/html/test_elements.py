@@ -38,7 +38,7 @@ def test_a_picture_can_be_clicked_exactly_when_a_click_on_it_says_something():
 def test_sites_are_read_from_their_names():
     assert Site.of("scale2.decoder.0.cross") == (2, "decoder", 0, "cross")
     assert site_words("scale3.decoder.1.cross", ("scale1.encoder.0.self", "scale3.encoder.0.self")) == (
-        "1/8 · decoder 2, cross-attention: 1/8 reads 1/8"
+        "1/8 · decoder 2, cross-attention: 1/8 attends to 1/8"
     )
 
 

@@ -115,4 +115,4 @@ def test_stamps_that_are_whole_micros_printed_as_floats_are_micros(tmp_path):
     path.write_text("t,x,y,p\n" + "".join(f"{float(a)},{i % 200}.0,{i % 150}.0,{i % 2}.0\n" for i, a in enumerate(t)))
     with open_recording(path) as recording:
         np.testing.assert_array_equal(all_events(recording).t, t)
-        assert any("stamps count us: in s" in remark.text for remark in recording.remarks)
+        assert any("time unit us: in s" in remark.text for remark in recording.remarks)

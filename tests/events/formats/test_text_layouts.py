@@ -47,7 +47,7 @@ def test_a_first_stamp_of_0_does_not_make_seconds_microseconds(header, stamp, tm
     path = tmp_path / "a.csv"
     path.write_text(header + rows_of("t,x,y,p", stamp, SECONDS))
     said = texts_of(path, FROM_ZERO)
-    assert any("stamps count s, because" in text for text in said)
+    assert any("time unit s, because" in text for text in said)
 
 
 @pytest.mark.parametrize("header", ["", "t,x,y,p\n"])
@@ -57,7 +57,7 @@ def test_whole_stamps_count_microseconds_however_they_are_printed(header, stamp,
     path = tmp_path / "a.csv"
     path.write_text(header + rows_of("t,x,y,p", stamp, clock))
     said = texts_of(path, type(EVENTS)(EVENTS.x, EVENTS.y, clock, EVENTS.p, EVENTS.sensor))
-    assert any("stamps count us, because" in text for text in said)
+    assert any("time unit us, because" in text for text in said)
 
 
 def test_a_stated_unit_wins_over_fractions(tmp_path):

@@ -40,7 +40,7 @@ def test_a_unit_that_makes_a_recording_is_taken(first, last, fractions, usual, u
 
 def test_a_stated_unit_is_never_judged():
     taken, remarks = judge(0, 1e12, assume=Assumptions(time_unit="s"))
-    assert (taken, [remark.text for remark in remarks]) == ("s", ["stamps count s, as stated"])
+    assert (taken, [remark.text for remark in remarks]) == ("s", ["time unit s, as stated"])
 
 
 def test_where_no_unit_makes_a_recording_that_is_advised():

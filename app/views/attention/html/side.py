@@ -84,7 +84,7 @@ def _map(slice_: AttentionState) -> str:
     weights: dict[object, str] = {"alpha": "α", "value": "‖αvW_O‖"}
     weight = _choice("Weight", "weight", weights, slice_.weight)
     if slice_.direction == "attended by":
-        weight = _row("Weight", '<span class="et-note">α; values are handed over along rows alone</span>')
+        weight = _row("Weight", '<span class="et-note">α; values are mixed along rows alone</span>')
     direction = _choice("Direction", "direction", ways, slice_.direction)
     return f"<h4>Map</h4>{_row('Head aggregation', heads)}{direction}{weight}"
 

@@ -32,9 +32,9 @@ from etnet.render.tone import tone_map
 
 NOT = (
     ("Not the reason for a pixel", "Skips and the upsampler go round TPA. Look at the bars: they are measured."),
-    ("Not what is handed over", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
+    ("Not the contribution", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
     ("Not where in the scene", "After the first layer a token already mixes others."),
-    ("Not unique", "Heads can cancel each other, and a sharp head may write where nothing reads."),
+    ("Not unique", "Heads can cancel each other, and a sharp head may write where nothing attends."),
     ("Not signed", "A weight can brighten or darken. Signs are in ablations and gradients."),
     ("Not always in known land", "Positions that training never met say more about the position code."),
 )
@@ -113,7 +113,7 @@ def _map(shown: Shown) -> str:
     reads = resolution(source(key, shown.attention.sites) if key.kind == "cross" else key.scale)
     num = count(shown.grid.num_tokens)
     if shown.look.direction == "attends to":
-        left = f"reads {reads} · ≈ {tokens_words(row)} of {num} tokens"
+        left = f"attends to {reads} · {tokens_words(row)} effective tokens of {num}"
     else:
         left = f"received {float(row.sum()):.2f} × uniform"
     peak = int(row.argmax())

@@ -210,7 +210,7 @@ def _claim(ready: Ready) -> str:
     if not ready.request.is_original:
         return chip("changed", "warning", "A part of the network or its events is changed")
     if ready.is_cold:
-        return chip("warming up", "plain", "Near its first window the network has seen too little to be sure")
+        return chip("warm-up", "plain", "Near its first window the network has seen too little to be sure")
     return chip("not the plain run", "warning", "Something inside the network or its runtime was changed")
 
 

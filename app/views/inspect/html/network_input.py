@@ -24,15 +24,15 @@ _BORDER = (62, 68, 78)
 def given_html(given: Given, key: object, moment: Moment, query: tuple[int, int] | None, is_edited: bool) -> str:
     """Bins, then the pixel's profile and raster, then its token."""
     lead = (
-        f"{len(given.padded)} time bins of {given.padded.shape[2]} × {given.padded.shape[1]} numbers, the grey border "
-        "included: zeros that make both sides divisible by 8. Each event votes +1 (brighter) or −1 (darker) for the "
+        f"{len(given.padded)} bins of {given.padded.shape[2]} × {given.padded.shape[1]} numbers, the grey border "
+        "included: zeros that make both sides divisible by 8. Each event adds +1 (brighter) or −1 (darker) to the "
         "two bins nearest in time."
     )
     how = "normalised, as this network expects" if given.is_normalised else "not normalised"
     parts = [
         f'<div class="et-note">{escape(lead)}</div>',
         PICTURES.text(("given", key), lambda: _bins(given)),
-        _scale(given, f"votes, {how}"),
+        _scale(given, f"polarity sum, {how}"),
     ]
     if query is None:
         parts.append(choose_pixel("Its five numbers and its events then stand here."))

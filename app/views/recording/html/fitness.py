@@ -41,6 +41,7 @@ def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts, of
     title = f'<div class="et-note">Is this what “{escape(model.title)}” was trained for?</div>'
     hot = _hot(found) if result.share >= 0.8 else ""
     lean = '<div class="et-note">Ranges are those on the weights’ card; where it gives none, nothing is guessed.</div>'
+    lean += f'<button class="et-button" data-k="tab:filter" {ON_PICK}>Why is it bad here?</button>'
     return part("fitness", _TITLE, f'{title}{busy}<table class="et-fit">{head}{rows}</table>{lean}') + hot
 
 

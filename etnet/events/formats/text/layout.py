@@ -89,7 +89,7 @@ def _named(start: Layout, remarks: Remarks, stated: TimeUnit | None) -> tuple[La
         named = named_axis(start.names[column.t])
         unit = None if named is None else named[1]
         if unit is not None:
-            remarks.detected(f'stamps count {unit}: their column is called "{start.names[column.t]}"')
+            remarks.detected(f'time unit {unit}: their column is called "{start.names[column.t]}"')
     return _counting(start, column, unit), unit
 
 

@@ -191,8 +191,8 @@ def test_a_title_says_direction_and_scales_and_names_site_and_token(ready, page_
 
 
 def test_what_a_cross_attention_reads_is_said_of_it_alone(page_of):
-    assert "reads 1/8 · ≈" in stage_html(page_of())[3]
-    assert "reads 1/4 · ≈" in stage_html(page_of(AttentionState(site="scale2.encoder.0.self")))[3]
+    assert "attends to 1/8 · " in stage_html(page_of())[3]
+    assert "attends to 1/4 · " in stage_html(page_of(AttentionState(site="scale2.encoder.0.self")))[3]
 
 
 def test_the_two_entropies_of_all_heads_have_two_names(ready, page_of):

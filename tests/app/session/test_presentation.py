@@ -1,0 +1,74 @@
+"""One page leads, the others show its moment with pointers of their own."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from app.catalogue.recordings import CatalogueError
+from app.session import presentation
+from app.session.presentation import RELOADS_WITHIN, Presentation
+from app.state.view_state import ViewState
+from etnet.windows import ByCount
+from tests.app.stand_ins import Browser, served
+
+STATE = ViewState(recording_id="a", model_id="m", policy=ByCount(100))
+
+
+def opens(recording_id):
+    if recording_id == "private":
+        raise CatalogueError("it is another visitor's")
+
+
+@pytest.fixture
+def room():
+    return Presentation()
+
+
+def test_a_follower_has_the_leaders_moment_and_keeps_its_own_pointer_and_workspace(room):
+    leader, follower = room.join(False, opens), room.join(False, opens)
+    leader.show(replace(STATE, index=7, query=(1, 2), workspace="compare"))
+    own = replace(STATE, index=3, query=(9, 9), workspace="attention", is_playing=True)
+    shown = follower.following(own)
+    assert (shown.index, shown.query, shown.workspace, shown.is_playing) == (7, (9, 9), "attention", False)
+    follower.show(own)
+    assert leader.following(leader.following(STATE)) is STATE
+    assert (leader.words, follower.words) == ("Presenting to 1 page", "Following the presenter")
+
+
+def test_what_a_follower_may_not_open_leaves_it_where_it_is(room):
+    leader, follower = room.join(False, opens), room.join(False, opens)
+    leader.show(replace(STATE, recording_id="private"))
+    assert follower.following(STATE) is STATE
+
+
+def test_a_page_at_the_viewers_own_machine_leads_and_the_lead_outlives_a_reload(room, monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr(presentation.time, "monotonic", lambda: clock[0])
+    guest, host = room.join(False, opens), room.join(True, opens)
+    assert room.leads(host)
+    assert not room.leads(guest)
+    host.leave()
+    assert not room.leads(guest)
+    host = room.join(True, opens)
+    assert room.leads(host)
+    host.leave()
+    clock[0] = RELOADS_WITHIN + 1
+    assert room.leads(guest)
+
+
+def test_a_visitors_page_goes_where_the_presenter_goes():
+    async def story(port):
+        async with Browser.open(port, tab=1) as leader, Browser.open(port, tab=2) as follower:
+            for browser in (leader, follower):
+                await browser.until_shown("Reconstruction of window 0", patience=60.0)
+            await leader.use(leader.widget("Window"), 25)
+            await follower.until_shown("window 25 of 0 – 29", patience=60.0)
+            await follower.use(follower.widget("Window"), 3)
+            await leader.use(leader.widget("Window"), 12)
+            await follower.until_shown("window 12 of 0 – 29", patience=60.0)
+            assert "Following the presenter" in follower.words()
+            assert "Presenting to 1 page" in leader.words()
+
+    with served(presentation=Presentation()) as viewer:
+        asyncio.run(story(viewer.port))
