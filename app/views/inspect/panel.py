@@ -225,18 +225,19 @@ def _paths(page: Page) -> str:
         return panel("rolled", choose_pixel("Its attention is then followed through the network."))
     attention = page.state.of(AttentionState)
     if inside.opened == "time":
-        found = _about(page.results.get("inspect.followed"), pixel=query, site=attention.site, head=attention.head)
+        asked = {"pixel": query, "site": attention.site, "head": attention.head, "follows": attention.follows}
+        found = _about(page.results.get("inspect.followed"), **asked)
         body = _awaited(found, "following it, window by window", page)
         if found is None or found.value is None or parts is None or parts.value is None:
             return body
         job: Any = found.job
-        return body + followed_html(found.value, job, job.site, job.head, parts.value.anatomy.sites, job.pixel)
-    found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100)
+        return body + followed_html(found.value, job, parts.value.anatomy.sites)
+    found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100, fusion=inside.fusion)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:
         return body
     base = base_url(page.ready, page.ready.attention, look.tones)
-    return body + rolled_html(_value(found), page.ready, look, inside.discard, base)
+    return body + rolled_html(_value(found), page.ready, look, inside, base)
 
 
 def _memory(page: Page) -> str:
