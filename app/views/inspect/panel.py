@@ -34,15 +34,32 @@ _OF_THE_ORIGINAL = ("none", "matters", "events", "memory", "time", "sources", "s
 
 
 class InspectPanel(Panel):
-    """One element: the list of inspectors, or the one that is open."""
+    """The list of inspectors, or the one that is open; above it, what is said while it stands still in a drag."""
 
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """All of it is our own HTML."""
+        self._lag = Html(gui)
         self._body = Html(gui)
+        self._drawn: object = None
+        self._drawn_at = 0
 
     def show_settings(self, page: Page) -> None:
-        """Draw what is open."""
+        """Draw what is open. While time runs and nothing else changes it stays as it is: a drag is not held up."""
+        drawn = _asked(page)
+        if page.is_moving and drawn == self._drawn:
+            self._lag.show(stale_line(self._drawn_at, page.state.index))
+            return
+        self._drawn, self._drawn_at = drawn, page.state.index
+        self._lag.show("")
         self._body.show(f'<div data-testid="inside">{inspector_html(page)}</div>')
+
+
+def _asked(page: Page) -> tuple[object, ...]:
+    """All that an inspector is drawn from, but the moment; a twin's pictures go along with that, too."""
+    inside = page.state.of(InspectState)
+    found = tuple(result for slot, result in page.results.items() if slot.startswith("inspect."))
+    moment = page.state.index if inside.opened == "twin" else page.moment is None
+    return inside, page.state.of(AttentionState), page.state.query, page.state.recording_id, moment, found
 
 
 def inspector_html(page: Page) -> str:

@@ -79,7 +79,9 @@ def narrowed(shown: Shown) -> tuple[str, ...]:
 def _heads_grid(shown: Shown, effects: dict[str, np.ndarray], sites: tuple[str, ...]) -> str:
     """Each head of some sites by itself: a column for each site, a row for each head."""
     style = f"--columns:{len(sites)};--rows:{shown.num_heads}"
-    cells = ["<span></span>", *(f'<div class="et-head">{_place(name)}</div>' for name in sites)]
+    places = [Site.of(name) for name in sites]
+    heads = (f"{resolution(each.scale)} {each.part[:3]} {each.layer + 1}<br>{each.kind}" for each in places)
+    cells = ["<div class=et-head>head</div>", *(f'<div class="et-head">{words}</div>' for words in heads)]
     look = shown.look
     for head in range(shown.num_heads):
         cells.append(f'<div class="et-name"><b>{head}</b></div>')
@@ -185,7 +187,7 @@ def bars(effects: Float[np.ndarray, " heads"] | None, largest: float, num_heads:
 
 def effect_words(value: float) -> str:
     """A signed difference of a raw frame (0 … 1)."""
-    return f"{value:+.4f}".replace("-", "−")
+    return f"{value:+.4f}".replace("-", "−") if abs(value) >= 0.00005 else "0.0000"
 
 
 def _sorted(shown: Shown, effects: dict[str, np.ndarray]) -> list[str]:

@@ -187,7 +187,7 @@ def _foot(shown: Shown) -> str:
         of_heads = float(both.mean_of_heads)
         sharp = f"entropy <b>{bits:.2f}</b> (mean map) <b>{of_heads:.2f}</b> (mean of heads) {most} bits"
     is_whole = shown.look.direction == "attends to" and (shown.look.head is not None or shown.look.gather == "mean")
-    total = f"<span>sum {float(row.sum()):.4f}</span>" if is_whole else ""
+    total = f'<span title="sum of the row">Σ {float(row.sum()):.4f}</span>' if is_whole else ""
     return (
         f'<div class="et-caption" data-testid="map-facts"><span>{sharp}</span>'
         f'<span title="mean distance"><b>{pixels:.0f}</b> px</span>{total}</div>'

@@ -71,7 +71,7 @@ def _similar(shown: Shown, found: Tokens) -> str:
     if job.request.model_id != shown.ready.request.model_id:
         words = job.request.model_id
     now = f'<span class="et-chip">window {count(shown.ready.request.index)}</span>'
-    then = f'<span class="et-chip" data-testid="also">{escape(words)} · most like {float(values.max()):.2f}</span>'
+    then = f'<span class="et-chip" data-testid="also">{escape(words)} · max {float(values.max()):.2f}</span>'
     readout = '<span class="et-chip" data-etv-readout></span>'
     other = _picture(there, values, None)
     return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))

@@ -8,6 +8,7 @@ import pytest
 from app.engine.jobs import JobResult
 from app.state.view_state import Limits
 from app.views.attention.html import atlas as atlas_view
+from app.views.attention.html.atlas import effect_words
 from app.views.attention.html.shelf import heads_html
 from app.views.attention.jobs.heads import BEGUN, AtlasJob
 from app.views.attention.state import AttentionState, OpenHead, hear, reduce_attention
@@ -113,7 +114,7 @@ def test_heads_show_their_effect_and_are_chosen_by_a_click(loaded, page_of):
     assert page.keys == [f"set:attention.head:{head}" for head in range(4)]
     table = whole(job, loaded).on_pixel(*QUERY)[whole(job, loaded).sites.index(SITE)]
     for head in range(4):
-        assert f"{float(table[head]):+.4f}".replace("-", "−") in page.text
+        assert effect_words(float(table[head])) in page.text
 
 
 def test_one_scale_or_column_shows_its_heads_one_by_one_with_their_effects(loaded, ready, page_of):
@@ -126,7 +127,7 @@ def test_one_scale_or_column_shows_its_heads_one_by_one_with_their_effects(loade
         assert [key for key in page.keys if key.startswith("attention:head:")] == keys
         assert "set:attention.only:" in page.keys  # the way back
         for site in sites:
-            assert f"{float(effects[site][3]):+.4f}".replace("-", "−") in page.text
+            assert effect_words(float(effects[site][3])) in page.text
 
 
 def test_every_head_is_a_dot_at_its_entropy_and_distance_as_large_as_its_effect(loaded, ready, page_of):

@@ -15,7 +15,7 @@ from app.views.attention.html.side import side_html
 from app.views.attention.html.tokens import tokens_html
 from app.views.attention.jobs.attention import attention_jobs
 from app.views.attention.jobs.site import BasisJob, Tokens, TokensJob, feature_of_word, site_of_word
-from app.views.attention.jobs.time import CurveJob
+from app.views.attention.jobs.time import CurveJob, stretch_of
 from app.views.attention.state import AttentionState, FeatureWord, PinMap, Unpin, reduce_attention
 from app.views.compare.state import CompareState
 from app.views.view import Here
@@ -106,7 +106,7 @@ def test_the_token_is_looked_for_in_another_window_and_both_maps_stand_there(loa
     here, there = values_in(html)
     assert np.allclose(here, similarity.cosine_similarity(now, now.at(*QUERY)).reshape(-1), atol=0.006)
     assert np.allclose(there, similarity.cosine_similarity(then, now.at(*QUERY)).reshape(-1), atol=0.006)
-    assert f"window {index} · most like" in Checker(html).text
+    assert f"window {index} · max" in Checker(html).text
 
 
 def test_a_run_of_compare_is_another_network_at_the_same_window(page_of):
@@ -137,3 +137,10 @@ def test_a_pin_that_goes_takes_its_second_map_along():
     here = Here(STATE, Limits())
     slice_ = replace(reduce_attention(CHOSEN, PinMap("a"), here), also="a")
     assert reduce_attention(slice_, Unpin("a"), here).also == "none"
+
+
+@pytest.mark.parametrize("index", [0, 11, 12, 23, 24])
+def test_a_curve_reaches_twenty_windows_on_from_every_window(index):
+    first, length = stretch_of(index)
+    assert first <= index
+    assert first + length > index + 20
