@@ -116,10 +116,13 @@ def under_way(share: float, what: str) -> str:
 
 
 def stale_line(shown: int, wanted: int) -> str:
-    """Said of an answer that belongs to another window than the current one."""
+    """Said of an answer that belongs to another window than the current one.
+
+    It does not name the current one: in a drag the inspector would be sent again, pictures and all, for each window.
+    """
     if shown == wanted:
         return ""
-    return f'<div class="et-lag"><span>shows window {count(shown)}; {count(wanted)} follows</span></div>'
+    return f'<div class="et-lag"><span>shows window {count(shown)}; the current one follows</span></div>'
 
 
 def choose_pixel(why: str) -> str:

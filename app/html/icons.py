@@ -26,6 +26,11 @@ _PATHS = {
     "close": '<path d="M4 4l8 8M12 4l-8 8"/>',
     "code": '<path d="M5.5 4.5 2.5 8l3 3.500M10.5 4.500l3 3.5-3 3.5"/>',
     "variance": '<path d="M8 2.500v6M5 5.500h6M4 13h8"/>',
+    "dots": (
+        '<circle cx="4" cy="11.500" r="1.500"/><circle cx="8.500" cy="7" r="2.200"/>'
+        '<circle cx="12.500" cy="3.500" r="1"/><circle cx="12" cy="11.500" r="1.200"/>'
+    ),
+    "table": '<path d="M2.5 3.500h11v9h-11zM2.5 6.500h11M2.5 9.500h11M6 3.500v9"/>',
     "pin": '<path d="M8 9.500V14M5 9.500h6L10 6V2.500H6V6z"/>',
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from etnet.inspection.asked import Asked
 from etnet.inspection.described import Described, change_call
 from etnet.inspection.literals import Verbatim, call, code
+from etnet.nets.intervention import Intervention
 
 _PLAYBACK, _ATTENTION = Verbatim("playback"), Verbatim("attention")
 
@@ -14,7 +15,7 @@ def answer(asked: Asked, moment: Described, then: Described | None) -> tuple[str
     match asked.what:
         case "map" | "numbers" | "value_weighted" | "received" | "rollout" | "links":
             return _of_attention(asked, moment.index)
-        case "attribution" | "occlusion" | "gates" | "norms" | "memory_depth" | "path" | "track":
+        case "attribution" | "occlusion" | "gates" | "norms" | "memory_depth" | "path" | "track" | "masked":
             return _of_one_playback(asked, moment.index)
         case "feature" | "colours" | "similarity":
             return _of_features(asked, moment.index, then)
@@ -139,17 +140,40 @@ def _of_one_playback(asked: Asked, index: int) -> tuple[str, ...]:
             recording, plan = Verbatim("playback.recording"), Verbatim("playback.windows")
             path = call("follow.follow", recording, plan, index, pixel, asked.until)
             return (f"array = list({path})",)
+        case "masked":
+            return (*_path(asked, index), *_masked(asked))
         case _:
             sites = frozenset({asked.site})
             query: object = pixel
-            lines: tuple[str, ...] = ()
-            if asked.until is not None:  # the query goes along a followed path
-                path = call(
-                    "follow.follow", Verbatim("playback.recording"), Verbatim("playback.windows"), index, pixel,
-                    asked.until,
-                )  # fmt: skip
-                lines, query = (f"path = follow.pixels_of({path})",), Verbatim("path")
-                span = Verbatim("sorted(path)")
+            lines = _path(asked, index)
+            if lines:  # the query goes along a followed path
+                query, span = Verbatim("path"), Verbatim("sorted(path)")
             given = asked.given("region", "head")
             found = call("through_time.attention_through_time", _PLAYBACK, query, span, sites, **given)
             return (*lines, f"array = through_time.Track.of({found}).{asked.quantity}")
+
+
+def _path(asked: Asked, index: int) -> tuple[str, ...]:
+    """The way of a patch that is followed, from the moment to both ends of the windows that are asked for."""
+    if asked.until is None:
+        return ()
+    first = min((asked.windows or (index, 0))[0], index)
+    ends = [end for end in dict.fromkeys((first, asked.until)) if end != index] or [index]
+    recording, plan = Verbatim("playback.recording"), Verbatim("playback.windows")
+    ways = [f"follow.pixels_of({call('follow.follow', recording, plan, index, asked.pixel, end)})" for end in ends]
+    return (f"path = {' | '.join(ways)}",)
+
+
+def _masked(asked: Asked) -> tuple[str, ...]:
+    """What masking a head, or taking a site out, does to the pixel, window by window."""
+    site, (first, last) = asked.site or "", asked.windows or (0, 0)
+    if isinstance(asked.head, int):
+        cut = Intervention(masked_heads=frozenset({(site, asked.head)}))
+    else:
+        cut = Intervention(removed_sites=frozenset({site}))
+    x, y = asked.pixel or (0, 0)
+    each, place = f"i in range({first}, {last + 1})", f"{y}, {x}"
+    if asked.until is not None:
+        each, place = "i, (x, y) in sorted(path.items())", "y, x"
+    apart = "playback.at(i, intervention=cut).frame - playback.at(i).frame"
+    return (f"cut = {code(cut)}", f"array = torch.stack([({apart})[0, 0, {place}] for {each}])")

@@ -15,7 +15,7 @@ from etnet.inspection.sites import Direction
 
 What = Literal[
     "frame", "voxel", "map", "numbers", "value_weighted", "received", "rollout", "links",
-    "effect", "atlas", "feature", "colours", "similarity", "map_difference", "path", "track",
+    "effect", "atlas", "feature", "colours", "similarity", "map_difference", "path", "track", "masked",
     "attribution", "occlusion", "gates", "norms", "memory_depth", "curve", "cause", "sources", "spread", "error",
 ]  # fmt: skip
 """One for each inspector."""
@@ -25,7 +25,8 @@ NEEDED: dict[What, tuple[str, ...]] = {
     "value_weighted": ("site", "token"), "received": ("site",), "rollout": ("token",), "links": ("token", "count"),
     "effect": ("part",), "atlas": (), "feature": ("feature",), "colours": ("feature",),
     "similarity": ("feature", "pixel"), "map_difference": ("site", "pixel"), "path": ("pixel", "until"),
-    "track": ("pixel", "site", "windows", "quantity"), "attribution": ("pixel",), "occlusion": ("pixel",),
+    "track": ("pixel", "site", "windows", "quantity"), "masked": ("pixel", "site", "windows"),
+    "attribution": ("pixel",), "occlusion": ("pixel",),
     "gates": ("level", "quantity"), "norms": ("windows",), "memory_depth": ("depths",), "curve": ("windows",),
     "cause": ("pixel",), "sources": ("pixel",), "spread": (), "error": (),
 }  # fmt: skip

@@ -71,6 +71,16 @@
     if (readout) readout.textContent = told(image, event);
   });
 
+  // A row of a map is saved as a file.
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest?.("[data-etv-save-text]");
+    const text = button?.closest(".et, [data-testid]")?.querySelector("pre")?.textContent;
+    if (!text) return;
+    const address = URL.createObjectURL(new Blob([text], { type: "text/csv" }));
+    Object.assign(document.createElement("a"), { href: address, download: button.dataset.etvSaveText }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 10_000);
+  });
+
   // Lines of code go into the clipboard, or are selected where that is not allowed.
   document.addEventListener("click", async (event) => {
     const button = event.target.closest?.("[data-etv-copy-text]");

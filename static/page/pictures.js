@@ -192,7 +192,7 @@
     const swipe = picture?.closest(".et-swipe");
     const isLeft = swipe && pointer.x < swipe.querySelector(":scope > i").getBoundingClientRect().left;
     const image = (isLeft ? swipe.querySelector(":scope > div:last-of-type") : picture)?.querySelector("img");
-    if (!image?.naturalWidth || document.querySelector(".etv-tour, [role=dialog][data-modal-content]")) return;
+    if (!image?.naturalWidth || image.dataset.etvValues || document.querySelector(".etv-tour, [role=dialog][data-modal-content]")) return;
     const box = image.getBoundingClientRect();
     const [u, v] = [(pointer.x - box.left) / box.width, (pointer.y - box.top) / box.height];
     if (u < 0 || v < 0 || u >= 1 || v >= 1) return;

@@ -1,8 +1,10 @@
 """Pixel → atlas → head → mask → twin → reset, two pinned moments, and the keys of a map, in a real browser."""
 
+from pathlib import Path
+
 import pytest
 
-from tests.browser.chromium import open_page, until_window
+from tests.browser.chromium import box_of, open_page, until_window
 
 SITE, OTHER = "scale1.encoder.0.self", "scale3.encoder.1.self"
 
@@ -17,24 +19,56 @@ def page(browser, viewer):
 
 
 def click(page, key):
-    page.locator(f"[data-k='{key}']:visible").first.click()
+    press_at(page, page.locator(f"[data-k='{key}']:visible").first)
 
 
-def choose_pixel(page):
+def press_at(page, locator):
+    """To the point: what is drawn again with every push is never stable."""
+    locator.wait_for()
+    for _ in range(50):
+        locator.evaluate("element => element.scrollIntoViewIfNeeded()")
+        box = box_of(page, locator)
+        at = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        is_there = "([x, y, one]) => one.contains(document.elementFromPoint(x, y))"
+        if locator.evaluate(f"(one, at) => ({is_there})([...at, one])", list(at)):
+            page.mouse.click(*at)
+            page.num_clicks = getattr(page, "num_clicks", 0) + 1
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(f"something lies over {locator}")
+
+
+def choose_pixel(page, u=0.5, v=0.5):
     until_window(page, 0)
-    page.get_by_test_id("reconstruction").locator("img").first.click()
+    box = box_of(page, page.get_by_test_id("reconstruction").locator("img"))
+    page.mouse.click(box["x"] + 1 + u * (box["width"] - 2), box["y"] + 1 + v * (box["height"] - 2))
 
 
-def to_attention(page):
-    choose_pixel(page)
+def to_attention(page, u=0.5, v=0.5):
+    choose_pixel(page, u, v)
     click(page, "workspace:attention")
     page.get_by_test_id("peak").wait_for()
+    page.num_clicks = 0
 
 
 def test_from_a_pixel_to_a_head_a_mask_its_twin_and_back(page):
     to_attention(page)
-    page.get_by_test_id(OTHER).locator("img").click()
+    measured = page.locator(f"[data-etv-site='{OTHER}'] .et-effects[title^='head 0']")
+    measured.wait_for(state="attached")
+    assert page.num_clicks == 0  # whether a head matters
+
+    press_at(page, page.get_by_test_id(OTHER).locator("img"))
     page.get_by_test_id("map-line").get_by_text(OTHER).wait_for()
+    for head in range(4):
+        page.get_by_test_id(f"head-{head}").wait_for()
+    assert page.num_clicks <= 2  # all heads of a site
+
+    page.num_clicks = 0
+    click(page, "set:attention.curve:effect")
+    reaches = "() => document.querySelector('.et-over-time .et-loud')?.getAttribute('points').split(' ').length > 20"
+    page.wait_for_function(reaches)
+    assert page.num_clicks <= 2  # what changes over the next 20 windows
+
     click(page, "set:attention.head:3")
     click(page, f"inspect:switch:head {OTHER} 3")
     page.get_by_test_id("change-in-bar").get_by_text("head 3 of 1/8 encoder 2, self masked").wait_for()
@@ -42,6 +76,10 @@ def test_from_a_pixel_to_a_head_a_mask_its_twin_and_back(page):
     page.get_by_test_id("change-mark").first.wait_for(state="attached")
 
     click(page, "workspace:inspect")
+    page.get_by_test_id("chip-warning").filter(has_text="changed").first.wait_for()
+    page.keyboard.down("x")  # the original while it is held
+    page.get_by_test_id("chip-exact").first.wait_for()
+    page.keyboard.up("x")
     page.get_by_test_id("chip-warning").filter(has_text="changed").first.wait_for()
     click(page, "set:inspect.opened:twin")
     page.get_by_test_id("twin-pair").wait_for()
@@ -64,11 +102,12 @@ def test_two_moments_are_pinned_and_compared(page):
 
 
 def test_keys_move_the_query_the_site_and_the_head_while_a_map_has_the_focus(page):
-    to_attention(page)
+    to_attention(page, 0, 0)  # the outermost pixel can be clicked
+    page.get_by_text("Query: pixel 0, 0").wait_for()
     before = page.get_by_test_id("token").inner_text()
     page.keyboard.press("2")  # no map has the focus: this is the workspace's key
     page.get_by_test_id("peak").wait_for()
-    page.locator("[data-card='attention.map'] [data-etv-values]").click()
+    press_at(page, page.locator("[data-card='attention.map'] [data-etv-values]"))
     page.keyboard.press("ArrowRight")
     page.wait_for_function(
         "before => ![before, undefined].includes(document.querySelector('[data-testid=token]')?.innerText)", arg=before
@@ -79,11 +118,21 @@ def test_keys_move_the_query_the_site_and_the_head_while_a_map_has_the_focus(pag
     page.wait_for_function("site => !document.querySelector(`[data-etv-site='${site}'].et-chosen`)", arg=SITE)
 
 
-def test_the_number_under_the_pointer_is_told_without_the_server(page):
+def test_the_number_under_the_pointer_is_told_and_the_row_is_saved_as_it_stands_there(page):
     to_attention(page)
-    page.locator("[data-card='attention.map'] [data-etv-values]").hover()
-    page.locator("[data-card='attention.map'] [data-etv-readout]").get_by_text("× uniform").wait_for()
-    assert page.locator("[data-card='attention.map'] [data-etv-readout]").inner_text().startswith("token ")
+    map_ = page.locator("[data-card='attention.map'] [data-etv-values]")
+    box = box_of(page, map_)
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    readout = page.locator("[data-card='attention.map'] [data-etv-readout]")
+    readout.get_by_text("token ").wait_for()
+    token = page.get_by_test_id("token").inner_text().rpartition(" ")[2]
+    click(page, "set:attention.over:row")
+    text = page.get_by_test_id("row").text_content()
+    assert text.startswith("token,row,column,x,y,weight,times_uniform")
+    with page.expect_download() as saving:
+        press_at(page, page.locator("[data-etv-save-text]"))
+    assert Path(saving.value.path()).read_text() == text
+    assert saving.value.suggested_filename == f"{SITE}_mean_token{token}_window0.csv"
 
 
 def test_what_a_pixel_owes_to_each_part_stands_there_without_a_click_more(page):

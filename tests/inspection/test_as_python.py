@@ -128,6 +128,17 @@ def track_of(p: Playback, query, windows, **given) -> through_time.Track:
     return through_time.Track.of(moments)
 
 
+def both_ways(p: Playback, *ends: int) -> dict[int, tuple[int, int]]:
+    ways = [follow.pixels_of(follow.follow(p.recording, p.windows, INDEX, PIXEL, end)) for end in ends]
+    return {index: pixel for way in ways for index, pixel in way.items()}
+
+
+def masked_over(p: Playback, path: dict[int, tuple[int, int]]) -> torch.Tensor:
+    cut = Intervention(masked_heads=frozenset({(SITE, 1)}))
+    apart = {i: (p.at(i, intervention=cut).frame - p.at(i).frame)[0, 0] for i in path}
+    return torch.stack([apart[i][path[i][1], path[i][0]] for i in sorted(path)])
+
+
 CASES = [
     Case(Asked("frame"), lambda p: p.at(INDEX).frame[0, 0]),
     Case(Asked("voxel"), lambda p: input.network_input(p, INDEX).voxel),
@@ -180,6 +191,18 @@ CASES = [
     Case(
         Asked("track", pixel=PIXEL, site=SITE, windows=(4, 6), quantity="along_row", until=6),
         lambda p: track_of(p, follow.pixels_of(path_of(p)), range(4, 7)).along_row,
+    ),
+    Case(
+        Asked("track", pixel=PIXEL, site=SITE, windows=(2, 6), quantity="entropy", until=6),
+        lambda p: track_of(p, both_ways(p, 2, 6), range(2, 7)).entropy,
+    ),
+    Case(
+        Asked("masked", pixel=PIXEL, site=SITE, windows=(3, 5), head=1),
+        lambda p: masked_over(p, dict.fromkeys((3, 4, 5), PIXEL)),
+    ),
+    Case(
+        Asked("masked", pixel=PIXEL, site=SITE, windows=(2, 6), head=1, until=6),
+        lambda p: masked_over(p, both_ways(p, 2, 6)),
     ),
     Case(
         Asked("attribution", pixel=PIXEL, num_back=1),

@@ -13,6 +13,8 @@ Direction = Literal["attends to", "attended by"]
 MapRange = Literal["shared", "per map"]
 Weight = Literal["alpha", "value"]
 """Attention weights α, or what is handed over by them: ‖αvW_O‖."""
+Keep = Literal["all", "mass 50", "mass 90", "top 10", "top 50"]
+"""Which tokens of a map are drawn: the fewest that hold so much of it in per cent, or so many of the strongest."""
 SITE_PATTERN = r"scale[0-3]\.(encoder|decoder)\.\d{1,2}\.(self|cross)"
 """How the library names a site."""
 MOST_HEADS = 64
@@ -32,3 +34,4 @@ class AttentionLook:
     direction: Direction = "attends to"
     is_linear: bool = False
     is_smooth: bool = False
+    keep: Keep = "all"

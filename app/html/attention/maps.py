@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from app.engine.requests import Ready
+from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook, Direction, Gather
 from app.html.elements import ON_PICK, empty, escape, legend, marker, panel, picture
 from app.html.moment import ARRAYS, PICTURES
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
+MOST_NUMBERS = 6000
+"""Of a map that are sent with it for the pointer."""
 GATHERED: dict[Gather, str] = {
     "mean": "mean",
     "max": "max",
@@ -147,9 +150,12 @@ def level_of(row: np.ndarray, look: AttentionLook) -> np.ndarray:
 
 
 def tokens_of(attention: Attention, row: np.ndarray, look: AttentionLook) -> UInt8[np.ndarray, "rows columns 4"]:
-    """A map as one RGBA pixel a token."""
+    """A map as one RGBA pixel a token; tokens that are not kept are clear."""
     grid = attention.grid
-    return level_overlay(level_of(row, look).reshape(grid.rows, grid.columns), look.opacity)
+    drawn = level_overlay(level_of(row, look).reshape(grid.rows, grid.columns), look.opacity)
+    if look.keep != "all":
+        drawn[~kept(row, look.keep).reshape(grid.rows, grid.columns), 3] = 0
+    return drawn
 
 
 def over_frame(
@@ -185,24 +191,25 @@ def large_map(
     unit: str = "× uniform",
     is_smooth: bool = False,
 ) -> str:
-    """A map that fills its card, a token a whole number of pixels; it carries its numbers for the pointer.
+    """A map that fills its card, a cell a whole number of pixels; it carries its numbers for the pointer.
 
-    A click chooses the pixel under it, on the border the nearest one of the sensor.
+    A click chooses the pixel under it, on the border the nearest one of the sensor. `tokens` may have finer cells than
+    the token grid; where there are too many of them the pointer is told none.
     """
-    patch = patch_size()
+    patch, (rows, columns) = patch_size(), tokens.shape[:2]
     width, height = grid.columns * patch, grid.rows * patch
     key = f"cut:{-grid.left},{-grid.top},{width},{height}"
-    numbers = " ".join(f"{value:.3g}" for value in values.tolist())
+    numbers = " ".join(f"{value:.3g}" for value in values.tolist()) if values.size <= MOST_NUMBERS else ""
+    told = f' data-etv-map="{columns}" data-etv-values="{numbers}" data-etv-unit="{escape(unit)}"' if numbers else ""
     cross = asked = ""
     if query is not None:
         asked = f' data-etv-query="{query[0]},{query[1]}"'
         cross = marker((query[0] + grid.left + 0.5) / width, (query[1] + grid.top + 0.5) / height)
     return (
         f'<span class="et-picture et-pick et-map et-large-map{" et-smooth" if is_smooth else ""}"'
-        f' style="--ratio:{grid.columns / grid.rows:.4f};--columns:{grid.columns};--base:url({base})">'
-        f'<img src="{data_url(tokens, is_lossless=True)}" alt="{escape(alt)}" width="{grid.columns}"'
-        f' height="{grid.rows}" data-k="{key}" {ON_PICK} draggable="false" data-etv-map="{grid.columns}"'
-        f' data-etv-values="{numbers}" data-etv-unit="{escape(unit)}"{asked}>{cross}</span>'
+        f' style="--ratio:{grid.columns / grid.rows:.4f};--columns:{columns};--base:url({base})">'
+        f'<img src="{data_url(tokens, is_lossless=True)}" alt="{escape(alt)}" width="{columns}"'
+        f' height="{rows}" data-k="{key}" {ON_PICK} draggable="false"{told}{asked}>{cross}</span>'
     )
 
 

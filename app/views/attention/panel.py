@@ -7,9 +7,10 @@ import viser
 from app.html.card import card
 from app.state import intents as ask
 from app.views.attention.html.atlas import atlas_html
-from app.views.attention.html.shelf import heads_html, time_html, tokens_html
+from app.views.attention.html.shelf import heads_html, time_html
 from app.views.attention.html.side import side_html
 from app.views.attention.html.stage import stage_html
+from app.views.attention.html.tokens import tokens_html
 from app.views.attention.state import AttentionState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor

@@ -12,13 +12,16 @@ from app.html.attention.look import (
     AttentionLook,
     Direction,
     Gather,
+    Keep,
     MapRange,
     Order,
     Weight,
 )
 from app.state import intents as ask
 from app.state.checks import checked, number, passing, text, whole
+from app.state.run import Run
 from app.state.view_state import ViewState
+from app.views.compare.state import CompareState
 from app.views.inspect.state import InspectState, changed_request
 from app.views.reconstruction.state import tones_in
 from app.views.view import Here
@@ -28,6 +31,15 @@ if TYPE_CHECKING:
 
 Pin = Literal["a", "b"]
 Shelf = Literal["similarity", "pca"]
+FeatureWord = Literal["tokens", "query", "key", "value", "context", "hidden 1", "hidden 2", "hidden 3"]
+"""Which vectors similarity and colours are of: of the chosen site, of TPA's end, or of a recurrent level."""
+Also = Literal["none", "10 back", "10 on", "a", "b", "run 1", "run 2", "run 3"]
+"""Where else similarity to the token is looked for: another window, a pin, a run of Compare."""
+Over = Literal["none", "not", "python", "row"]
+"""What stands in the large map's place: what maps are not, the lines that give it, its row as text."""
+Lines = Literal["map", "heads", "tokens", "time"]
+"""The card that the lines of Python are about."""
+ONLY_PATTERN = r"(scale[0-3]|(encoder|decoder)\.\d{1,2}\.(self|cross))?"
 Quantity = Literal["entropy", "mass", "effect"]
 
 
@@ -64,15 +76,21 @@ class AttentionState:
     """Whether lines in the scene join the query to what it reads most."""
     shows_planes: bool = False
     """Whether the chosen layer's maps of all scales stand behind the frame, instead of the events."""
+    keep: Keep = "all"
     tokens: Shelf = "similarity"
+    feature: FeatureWord = "tokens"
+    also: Also = "none"
     curve: Quantity = "entropy"
     follows: bool = False
     """Whether curves stay on the patch that lies under the pixel now, along the motion of its events."""
     compare: Literal["none", "a", "b"] = passing("none")
     """The pin that the current map is held against."""
-    shows_code: bool = False
-    explains: bool = False
-    """Whether what attention maps are not lies over the large map."""
+    over: Over = "none"
+    lines: Lines = "map"
+    shows_dots: bool = False
+    """Whether the atlas is a plot of all heads, entropy by distance, in place of maps."""
+    only: str = text("", ONLY_PATTERN)
+    """What the atlas is narrowed to: "scale2" or a column, "encoder.0.self"; its heads then stand there one by one."""
     pin_a: PinnedMap | None = passing(None)
     pin_b: PinnedMap | None = passing(None)
 
@@ -92,6 +110,14 @@ class OpenSite:
     """Show this attention site ("scale1.encoder.0.self") large, with its heads beside each other."""
 
     site: str
+
+
+@dataclass(frozen=True, slots=True)
+class OpenHead:
+    """Show one head of a site large."""
+
+    site: str
+    head: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,17 +146,21 @@ def reduce_attention(slice_: AttentionState, intent: Any, here: Here) -> Attenti
     match intent:
         case OpenSite():
             return _opened(slice_, intent.site)
+        case OpenHead(site, head):
+            return replace(_opened(slice_, site), head=head if 0 <= head < MOST_HEADS else None)
         case PinMap(slot):
             pinned = _pinned(slice_, here)
             held = {"pin_a": pinned} if slot == "a" else {"pin_b": pinned}
             return slice_ if pinned is None else replace(slice_, compare=slot, **held)
         case Unpin(slot):
             compare = "none" if slice_.compare == slot else slice_.compare
-            return replace(slice_, compare=compare, **({"pin_a": None} if slot == "a" else {"pin_b": None}))
+            also = "none" if slice_.also == slot else slice_.also
+            gone = {"pin_a": None} if slot == "a" else {"pin_b": None}
+            return replace(slice_, compare=compare, also=also, **gone)
         case Compare(slot):
             return replace(slice_, compare=slot)
         case ask.OpenRecording() | ask.ReopenRecording():
-            return replace(slice_, pin_a=None, pin_b=None, compare="none")
+            return replace(slice_, pin_a=None, pin_b=None, compare="none", also="none")
     return slice_
 
 
@@ -147,10 +177,39 @@ def _pinned(slice_: AttentionState, here: Here) -> PinnedMap | None:
     if state.query is None or state.policy is None:
         return None
     request = FrameRequest(
-        state.recording_id, state.model_id, state.precision, state.policy, state.index, wants_attention=False
+        state.recording_id, state.model_id, state.precision, state.policy, state.index, cleaning=state.cleaning
     )
     request = changed_request(state.of(InspectState), request)
     return PinnedMap(request, slice_.site, slice_.head, slice_.gather, slice_.direction, state.query)
+
+
+def other_moment(state: ViewState, request: FrameRequest) -> FrameRequest | None:
+    """Where else similarity to the token is looked for, as a request; `None` where that is nowhere."""
+    slice_ = state.of(AttentionState)
+    kind, _, number = slice_.also.partition(" ")
+    if slice_.also in ("10 back", "10 on"):
+        index = request.index + (10 if slice_.also == "10 on" else -10)
+        return changed_request(state.of(InspectState), replace(request.plain, index=max(index, 0)))
+    if kind == "run":
+        runs = dict(comparable_runs(state))
+        run = runs.get(int(number))
+        if run is None:
+            return None
+        return replace(
+            request.plain, model_id=run.model_id or request.model_id, precision=run.precision or request.precision
+        )
+    pinned = {"a": slice_.pin_a, "b": slice_.pin_b}.get(kind)
+    return None if pinned is None else pinned.request
+
+
+def comparable_runs(state: ViewState) -> tuple[tuple[int, Run], ...]:
+    """Runs of Compare with the main run's windows and events, by their place: another network or precision."""
+    runs = enumerate(state.of(CompareState).runs, start=1)
+    return tuple(
+        (place, run)
+        for place, run in runs
+        if run.policy is None and run.cleaning is None and run.cold_from is None and run.replays is None
+    )
 
 
 def hear(words: str) -> Any:
@@ -159,6 +218,9 @@ def hear(words: str) -> Any:
     match verb:
         case "site":
             return OpenSite(rest)
+        case "head":
+            site, _, head = rest.partition(":")
+            return OpenHead(site, int(head)) if head.isdecimal() and len(head) < 3 else None
         case "pin" if rest in get_args(Pin):
             return PinMap(cast("Pin", rest))
         case "unpin" if rest in get_args(Pin):
@@ -184,6 +246,7 @@ def look_in(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
         slice_.direction,
         slice_.is_linear,
         slice_.is_smooth,
+        slice_.keep,
     )
 
 

@@ -34,15 +34,32 @@ _OF_THE_ORIGINAL = ("none", "matters", "events", "memory", "time", "sources", "s
 
 
 class InspectPanel(Panel):
-    """One element: the list of inspectors, or the one that is open."""
+    """The list of inspectors, or the one that is open; above it, what is said while it stands still in a drag."""
 
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """All of it is our own HTML."""
+        self._lag = Html(gui)
         self._body = Html(gui)
+        self._drawn: object = None
+        self._drawn_at = 0
 
     def show_settings(self, page: Page) -> None:
-        """Draw what is open."""
+        """Draw what is open. While time runs and nothing else changes it stays as it is: a drag is not held up."""
+        drawn = _asked(page)
+        if page.is_moving and drawn == self._drawn:
+            self._lag.show(stale_line(self._drawn_at, page.state.index))
+            return
+        self._drawn, self._drawn_at = drawn, page.state.index
+        self._lag.show("")
         self._body.show(f'<div data-testid="inside">{inspector_html(page)}</div>')
+
+
+def _asked(page: Page) -> tuple[object, ...]:
+    """All that an inspector is drawn from, but the moment; a twin's pictures go along with that, too."""
+    inside = page.state.of(InspectState)
+    found = tuple(result for slot, result in page.results.items() if slot.startswith("inspect."))
+    moment = page.state.index if inside.opened == "twin" else page.moment is None
+    return inside, page.state.of(AttentionState), page.state.query, page.state.recording_id, moment, found
 
 
 def inspector_html(page: Page) -> str:
@@ -225,18 +242,19 @@ def _paths(page: Page) -> str:
         return panel("rolled", choose_pixel("Its attention is then followed through the network."))
     attention = page.state.of(AttentionState)
     if inside.opened == "time":
-        found = _about(page.results.get("inspect.followed"), pixel=query, site=attention.site, head=attention.head)
+        asked = {"pixel": query, "site": attention.site, "head": attention.head, "follows": attention.follows}
+        found = _about(page.results.get("inspect.followed"), **asked)
         body = _awaited(found, "following it, window by window", page)
         if found is None or found.value is None or parts is None or parts.value is None:
             return body
         job: Any = found.job
-        return body + followed_html(found.value, job, job.site, job.head, parts.value.anatomy.sites, job.pixel)
-    found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100)
+        return body + followed_html(found.value, job, parts.value.anatomy.sites)
+    found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100, fusion=inside.fusion)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:
         return body
     base = base_url(page.ready, page.ready.attention, look.tones)
-    return body + rolled_html(_value(found), page.ready, look, inside.discard, base)
+    return body + rolled_html(_value(found), page.ready, look, inside, base)
 
 
 def _memory(page: Page) -> str:

@@ -22,6 +22,8 @@ Inspector = Literal[
 ]  # fmt: skip
 Plane = Literal["hidden", "cell", "enter", "forget", "out", "candidate"]
 
+Fusion = Literal["mean", "max", "min"]
+"""How a rollout makes one map of a site's heads."""
 Scope = Literal["window", "on", "once"]
 """A change holds in each window by itself, from a window on, or in one window of which the memory then recovers."""
 
@@ -96,6 +98,7 @@ class InspectState:
     """Counted from the channel of most energy."""
     discard: int = whole(0, 0, 95)
     """Per cent of the smallest weights that a rollout leaves out."""
+    fusion: Fusion = "mean"
     tolerance: int = whole(50, 1, 500)
     """Thousandths of full brightness by which a pixel has to change for the causal search."""
 

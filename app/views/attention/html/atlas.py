@@ -12,13 +12,16 @@ from app.html.attention.maps import (
     map_facts,
     map_html,
     row_of,
+    rows_of,
     site_words,
     tokens_words,
 )
-from app.html.card import segmented
-from app.html.elements import escape, panel
+from app.html.card import icon_button, segmented
+from app.html.controls import button
+from app.html.elements import ON_PICK, escape, panel
 from app.html.moment import PICTURES
 from app.html.units import resolution, short
+from app.views.attention.html.dots import dots_html
 from app.views.attention.html.shown import Shown, missing, shown_of
 from app.views.attention.state import AttentionState
 from app.views.page import Page
@@ -36,17 +39,62 @@ Effects = Float[np.ndarray, "sites heads"]
 def atlas_html(page: Page) -> tuple[str, str, str]:
     """Note, tools and body of the card."""
     shown = shown_of(page)
-    order = page.state.of(AttentionState).order
-    tools = segmented(
-        "Order", {f"set:attention.order:{name}": words for name, words in _ORDERS.items()},
-        f"set:attention.order:{order}",
-    )  # fmt: skip
+    slice_ = page.state.of(AttentionState)
+    tools = _tools(slice_)
     if shown is None:
         return "", tools, panel("attention", missing(page, is_brief=True))
     effects = effects_of(shown)
-    note = "bars: effect of each head on this pixel when masked" + _progress(shown)
+    note = "bars: effect of each head on this pixel when masked"
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
-    return note, tools, panel("attention", _grid(shown, effects), _alike(shown), style=style)
+    if slice_.shows_dots:
+        note, body = "size: effect on this pixel when masked; ring: on the image", dots_html(shown, effects)
+    elif only := narrowed(shown):
+        note, body = "effect on this pixel when masked", _heads_grid(shown, effects, only)
+    else:
+        body = _grid(shown, effects)
+    return note + _progress(shown), tools, panel("attention", body, _alike(shown), style=style)
+
+
+def _tools(slice_: AttentionState) -> str:
+    """The order of maps, or the plot; and back from a part of the atlas to all of it."""
+    words = {f"set:attention.order:{name}": said for name, said in _ORDERS.items()}
+    narrow = button("all sites", "set:attention.only:") if slice_.only and not slice_.shows_dots else ""
+    dots = icon_button(
+        f"set:attention.shows_dots:{not slice_.shows_dots}",
+        "dots",
+        "All heads as dots: entropy by distance",
+        is_on=slice_.shows_dots,
+    )
+    order = "" if slice_.shows_dots else segmented("Order", words, f"set:attention.order:{slice_.order}")
+    return narrow + order + dots
+
+
+def narrowed(shown: Shown) -> tuple[str, ...]:
+    """The sites of the chosen scale, or of the chosen column; none where all are shown."""
+    only = shown.slice_.only
+    wanted = [name for name in shown.attention.sites if only in name.split(".", 1)]
+    return tuple(wanted) if only else ()
+
+
+def _heads_grid(shown: Shown, effects: dict[str, np.ndarray], sites: tuple[str, ...]) -> str:
+    """Each head of some sites by itself: a column for each site, a row for each head."""
+    style = f"--columns:{len(sites)};--rows:{shown.num_heads}"
+    places = [Site.of(name) for name in sites]
+    heads = (f"{resolution(each.scale)} {each.part[:3]} {each.layer + 1}<br>{each.kind}" for each in places)
+    cells = ["<div class=et-head>head</div>", *(f'<div class="et-head">{words}</div>' for words in heads)]
+    look = shown.look
+    for head in range(shown.num_heads):
+        cells.append(f'<div class="et-name"><b>{head}</b></div>')
+        for name in sites:
+            row = rows_of(shown.ready, shown.attention, name, look.query, look.direction)[head]
+            map_ = map_html(shown.attention, row, look, f"{name}, head {head}", f"attention:head:{name}:{head}")
+            mark = " et-chosen" if (name, head) == (shown.site, look.head) else ""
+            if (name, head) in shown.ready.request.intervention.masked_heads:
+                mark += " et-muted"
+            value = effects.get(name)
+            said = "…" if value is None or np.isnan(value[head]) else effect_words(float(value[head]))
+            cells.append(f'<div class="et-thumb{mark}">{map_}<span class="et-label">{said}</span></div>')
+    return f'<div class="et-sites et-atlas et-by-head" style="{style}">{"".join(cells)}</div>'
 
 
 def effects_of(shown: Shown) -> dict[str, Float[np.ndarray, " heads"]]:
@@ -81,11 +129,15 @@ def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
     short_names = {"encoder": "enc", "decoder": "dec"}
     cells = ["<span></span>"]
     cells += [
-        f'<div class="et-head">{short_names.get(part, part)} {layer + 1}<br>{kind}</div>'
+        f'<button class="et-head et-narrow" data-k="set:attention.only:{part}.{layer}.{kind}" {ON_PICK}'
+        f' title="Its heads, one by one">{short_names.get(part, part)} {layer + 1}<br>{kind}</button>'
         for part, layer, kind in layers
     ]
     for scale in scales:
-        cells.append(f'<div class="et-name"><b>{resolution(scale)}</b></div>')
+        cells.append(
+            f'<button class="et-name et-narrow" data-k="set:attention.only:scale{scale}" {ON_PICK}'
+            f' title="Its heads, one by one"><b>{resolution(scale)}</b></button>'
+        )
         cells += [
             "<span></span>" if (name := by_place.get((layer, scale))) is None else _cell(shown, name, effects, largest)
             for layer in layers
@@ -135,7 +187,7 @@ def bars(effects: Float[np.ndarray, " heads"] | None, largest: float, num_heads:
 
 def effect_words(value: float) -> str:
     """A signed difference of a raw frame (0 … 1)."""
-    return f"{value:+.4f}".replace("-", "−")
+    return f"{value:+.4f}".replace("-", "−") if abs(value) >= 0.00005 else "0.0000"
 
 
 def _sorted(shown: Shown, effects: dict[str, np.ndarray]) -> list[str]:

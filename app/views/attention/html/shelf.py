@@ -1,21 +1,20 @@
-"""The shelf: the heads of the chosen site, what is like the chosen token, and the site over time."""
+"""The shelf: the heads of the chosen site, and the site over time. Its tokens are in `tokens`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from app.engine.jobs import JobResult
-from app.html.attention.maps import base_url, head_words, large_map, map_facts, map_html
+from app.html.attention.maps import base_url, head_words, map_facts, map_html
 from app.html.card import segmented
 from app.html.controls import under_way
 from app.html.elements import ON_PICK, escape, panel
-from app.html.units import of_whole, seconds
+from app.html.units import seconds
 from app.views.attention.html.atlas import effect_words, effects_of
 from app.views.attention.html.shown import Shown, missing, shown_of
 from app.views.attention.jobs.time import NEAR, Curve
 from app.views.attention.state import AttentionState, Quantity
 from app.views.page import Page
-from etnet.render.colours import sequential
 
 QUANTITIES: dict[Quantity, str] = {"entropy": "entropy", "mass": "local", "effect": "effect"}
 _WIDTH, _HEIGHT = 1000, 200
@@ -47,49 +46,6 @@ def heads_html(page: Page) -> tuple[str, str]:
     return "effect on this pixel when masked", panel("site-heads", body, style=style)
 
 
-def tokens_html(page: Page) -> tuple[str, str, str, str]:
-    """Title, note, tools and body of the card of tokens."""
-    slice_ = page.state.of(AttentionState)
-    options = {"set:attention.tokens:similarity": "similar", "set:attention.tokens:pca": "PCA"}
-    tools = segmented("Tokens", options, f"set:attention.tokens:{slice_.tokens}")
-    title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
-    shown = shown_of(page)
-    if shown is None:
-        return title, "", tools, panel("tokens", missing(page, is_brief=True))
-    found = shown.result("tokens", site=shown.site)
-    if found is None:
-        return title, "", tools, panel("tokens", _waits(page.results.get("attention.tokens"), "one pass of TPA"))
-    if slice_.tokens == "similarity":
-        return title, "cosine to this token", tools, panel("tokens", _similar(shown, found))
-    basis = shown.result("basis", site=shown.site)
-    if basis is None:
-        waits = _waits(page.results.get("attention.basis"), "fitting colours to the recording, once")
-        return title, "", tools, panel("tokens", waits)
-    held = " + ".join(of_whole(share) for share in basis.explained)
-    return title, f"PCA, {held} of the variance", tools, panel("tokens", _colours(shown, found, basis))
-
-
-def _similar(shown: Shown, found) -> str:
-    values = found.similarity(shown.look.query)
-    level = np.rint((values.clip(-1, 1) + 1) * 127.5).astype(np.uint8)
-    tokens = np.concatenate([sequential()[level], np.full((*level.shape, 1), 255, np.uint8)], axis=-1)
-    image = large_map(
-        found.grid, tokens, values.reshape(-1), "", "cosine similarity", query=shown.look.query, unit="cosine"
-    )
-    readout = '<span class="et-chip" data-etv-readout>cosine −1 … 1</span>'
-    return (
-        f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges"><span></span>{readout}</div></div>'
-    )
-
-
-def _colours(shown: Shown, found, basis) -> str:
-    colours = np.rint(basis.colours(found.map) * 255).astype(np.uint8)
-    tokens = np.concatenate([colours, np.full((*colours.shape[:2], 1), 255, np.uint8)], axis=-1)
-    first = basis.coordinates(found.map)[..., 0].reshape(-1)
-    image = large_map(found.grid, tokens, first, "", "three components", query=shown.look.query, unit="on the first")
-    return f'<div class="et-stage-map" data-etv-focus="1">{image}</div>'
-
-
 def time_html(page: Page) -> tuple[str, str, str]:
     """Note, tools and body of the card of the site over time."""
     slice_ = page.state.of(AttentionState)
@@ -103,10 +59,10 @@ def time_html(page: Page) -> tuple[str, str, str]:
         return "", tools, panel("time", missing(page, is_brief=True))
     result = page.results.get("attention.curve")
     if result is None or not isinstance(result.value, Curve) or not _answers(shown, result):
-        return "", tools, panel("time", _waits(result, "one window after the other"))
+        return "", tools, panel("time", waits(result, "one window after the other"))
     curve, note = result.value, _curve_words(shown, slice_)
-    waits = "" if result.is_whole else under_way(result.share, f"{len(curve.indices)} of {curve.wanted} windows")
-    return note, tools, panel("time", _drawn(shown, curve), waits)
+    rest = "" if result.is_whole else under_way(result.share, f"{len(curve.indices)} of {curve.wanted} windows")
+    return note, tools, panel("time", _drawn(shown, curve), rest)
 
 
 def _answers(shown: Shown, result: JobResult) -> bool:
@@ -166,7 +122,8 @@ def _drawn(shown: Shown, curve: Curve) -> str:
     )
 
 
-def _waits(result: JobResult | None, what: str) -> str:
+def waits(result: JobResult | None, what: str) -> str:
+    """How far a job is, or why its answer never comes."""
     if result is not None and result.trouble:
         return f'<div class="et-say" data-testid="lacks">{escape(result.trouble)}.</div>'
     return under_way(0.0 if result is None else result.share, what)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,7 @@ from app.html.controls import under_way
 from app.html.elements import empty
 from app.html.moment import ARRAYS
 from app.html.units import milliseconds
-from app.views.attention.jobs.site import SiteFacts
+from app.views.attention.jobs.site import SiteFacts, site_of_word
 from app.views.attention.state import AttentionState, look_of
 from app.views.page import Page
 
@@ -69,6 +69,11 @@ class Shown:
         if slot in ("site", "tokens"):
             return found.value if request.frame == self.ready.request.frame else None
         return found.value if request.index == self.ready.request.index or slot == "basis" else None
+
+    def feature(self, slot: Literal["tokens", "basis"]) -> Any:
+        """The chosen feature's map, or its basis of colours."""
+        word = self.slice_.feature
+        return self.result(slot, site=site_of_word(word, self.slice_.site), word=word)
 
     def rows(self) -> Float[np.ndarray, "heads tokens"]:
         """The chosen site's map of each head: weights, or what is handed over by them as shares of it."""

@@ -5,19 +5,23 @@ from __future__ import annotations
 from app.html.attention.changed import change_words, since_words
 from app.html.attention.difference import difference_legend
 from app.html.attention.maps import highest_of, map_legend
-from app.html.attention.python import Named, code_html, described, python_of
-from app.html.card import icon_button, segmented
+from app.html.card import icon_button, segmented, select
 from app.html.controls import button, plain_bar
 from app.html.elements import escape, panel
 from app.html.moment import ARRAYS
 from app.html.units import of_whole
 from app.views.attention.html.pins import difference_of, pin_words
 from app.views.attention.html.shown import Shown, lacks_attention, shown_of
-from app.views.attention.state import AttentionState
+from app.views.attention.html.tokens import FEATURES
+from app.views.attention.state import AttentionState, comparable_runs
+from app.views.compare.state import NAMES
 from app.views.inspect.state import Change, InspectState, is_switched
 from app.views.page import Page
 from app.views.scene.state import SceneState
 
+KEPT: dict[object, str] = {
+    "all": "all", "mass 50": "50 %", "mass 90": "90 %", "top 10": "top 10", "top 50": "top 50",
+}  # fmt: skip
 SCOPES = {
     "inspect:scope:window": "this window",
     "inspect:scope:on": "from here on",
@@ -34,9 +38,7 @@ def side_html(page: Page) -> str:
     if shown is not None:
         parts.append(change_html(page.state.of(InspectState).change, shown))
         parts += [_matters(shown), _not_on_the_map(shown)]
-    parts.append(_scene(page, slice_))
-    if shown is not None:
-        parts.append(_code(shown))
+    parts += [_tokens(page, slice_), _scene(page, slice_)]
     return panel("attention-tools", *parts)
 
 
@@ -68,7 +70,8 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
             pins.append(f'<div class="et-pin" data-testid="pinned"><span>{words}</span>{unpin}</div>')
     compare = segmented("Compare with", options, f"attention:compare:{slice_.compare}")
     if not pins:
-        compare = '<span class="et-note">nothing pinned; the pin on the map keeps it with its moment</span>'
+        why = "The pin on the map keeps it with its moment and network"
+        compare = f'<span class="et-note" title="{why}">nothing pinned</span>'
     return f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{token}{_row('Compare with', compare)}{''.join(pins)}"
 
 
@@ -86,7 +89,8 @@ def _map(slice_: AttentionState) -> str:
     if slice_.direction == "attended by":
         weight = _row("Weight", '<span class="et-note">α; values are mixed along rows alone</span>')
     direction = _choice("Direction", "direction", ways, slice_.direction)
-    return f"<h4>Map</h4>{_row('Head aggregation', heads)}{direction}{weight}"
+    threshold = _choice("Tokens drawn", "keep", KEPT, slice_.keep)
+    return f"<h4>Map</h4>{_row('Head aggregation', heads)}{direction}{weight}{threshold}"
 
 
 def _range(shown: Shown | None, slice_: AttentionState) -> str:
@@ -105,6 +109,21 @@ def _range(shown: Shown | None, slice_: AttentionState) -> str:
         f"{_choice('Scale', 'is_linear', scales, slice_.is_linear)}"
         f"{_choice('Rendering', 'is_smooth', grains, slice_.is_smooth)}"
     )
+
+
+def _tokens(page: Page, slice_: AttentionState) -> str:
+    """Which vectors similarity and colours are of, and where else similarity is looked for."""
+    features = select(
+        "Vectors", "set:attention.feature", {str(word): said for word, said in FEATURES.items()}, slice_.feature
+    )
+    places: dict[object, str] = {"none": "nowhere", "10 back": "−10", "10 on": "+10"}
+    places |= {slot: slot.upper() for slot, pinned in (("a", slice_.pin_a), ("b", slice_.pin_b)) if pinned is not None}
+    places |= {f"run {place}": f"run {NAMES[place]}" for place, _ in comparable_runs(page.state)}
+    said = "Where this token’s vector is found 10 windows back or on, at a pin, or in a run of Compare."
+    if slice_.tokens == "pca":
+        said = "Colours are fitted to the recording once. Another window stands beside the similarity map alone."
+    also = _choice("Similar also in", "also", places, slice_.also)
+    return f'<h4>Tokens</h4>{_row("Vectors", features)}{also}<div class="et-note">{said}</div>'
 
 
 def change_html(change: Change, shown: Shown) -> str:
@@ -204,29 +223,3 @@ def _scene(page: Page, slice_: AttentionState) -> str:
         f"<h4>In the event cloud</h4>{_choice('Strongest links', 'shows_links', links, slice_.shows_links)}"
         f'{_choice("Behind image", "shows_planes", planes, slice_.shows_planes)}<div class="et-note">{said}</div>'
     )
-
-
-def _code(shown: Shown) -> str:
-    is_shown = shown.slice_.shows_code
-    return code_html(snippet(shown) if is_shown else "", is_shown, "set:attention.shows_code")
-
-
-def snippet(shown: Shown) -> str:
-    """The lines that give the large map, or the difference that stands in its place."""
-    from etnet.inspection.asked import Asked
-
-    page, slice_, look = shown.page, shown.slice_, shown.look
-    assert page.moment is not None
-    named = Named(page.file_name or "recording", page.model.source)
-    now = described(page.moment, shown.ready, named)
-    head = look.gather if look.head is None else look.head
-    apart = difference_of(shown)
-    if apart is not None:
-        held = apart.pinned
-        then = described(page.moment, shown.ready, Named(named.recording, held.request.model_id), held.request)
-        return python_of(
-            now, Asked("map_difference", shown.site, pixel=look.query, head=head, direction=look.direction), then
-        )
-    if slice_.weight == "value" and look.direction == "attends to":
-        return python_of(now, Asked("value_weighted", shown.site, shown.token))
-    return python_of(now, Asked("map", shown.site, shown.token, head=head, direction=look.direction))

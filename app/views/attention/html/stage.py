@@ -6,6 +6,7 @@ import numpy as np
 
 from app.html.attention.changed import changed_at, site_name
 from app.html.attention.difference import difference_tokens
+from app.html.attention.keep import kept_words
 from app.html.attention.maps import (
     Site,
     base_url,
@@ -22,8 +23,10 @@ from app.html.elements import chip, escape, panel, picture
 from app.html.moment import PICTURES
 from app.html.pictures import lag_line, reconstruction_image
 from app.html.units import count, resolution
+from app.views.attention.html.code import code_block, row_block
 from app.views.attention.html.pins import Difference, difference_of, pin_words
 from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.state import Over
 from app.views.page import Page
 from app.views.reconstruction.state import tones_of
 from etnet.render.attention import times_uniform
@@ -48,8 +51,10 @@ def stage_html(page: Page) -> tuple[str, str, str, str]:
         return "Attention", "", "", panel("site", lag, _frame(page), missing(page))
     site, head = shown.site, shown.look.head
     note = escape(head_words(head, shown.look.gather, shown.num_heads))
-    body = _explained() if shown.slice_.explains else _map(shown)
-    return site_name(site), note, _tools(shown), panel("site", lag, _line(shown), body, _foot(shown))
+    over = {"not": lambda _: _explained(), "python": code_block, "row": row_block}.get(shown.slice_.over)
+    if over is not None:
+        return site_name(site), note, _tools(shown), panel("site", lag, over(shown))
+    return site_name(site), note, _tools(shown), panel("site", lag, _line(shown), _map(shown), _foot(shown))
 
 
 def _frame(page: Page) -> str:
@@ -66,17 +71,16 @@ def _frame(page: Page) -> str:
 def _tools(shown: Shown) -> str:
     slice_ = shown.slice_
     slot = "a" if slice_.pin_a is None else "b"
+
+    def over(word: Over, name: str, title: str) -> str:
+        is_on = slice_.over == word
+        return icon_button(f"set:attention.over:{'none' if is_on else word}", name, title, is_on=is_on)
+
     return (
-        icon_button(
-            f"set:attention.explains:{not slice_.explains}",
-            "help",
-            "What attention maps are not",
-            is_on=slice_.explains,
-        )
+        over("not", "help", "What attention maps are not")
         + icon_button(f"attention:pin:{slot}", "pin", f"Pin this map with its moment as {slot.upper()}")
-        + icon_button(
-            f"set:attention.shows_code:{not slice_.shows_code}", "code", "Copy as Python", is_on=slice_.shows_code
-        )
+        + over("row", "table", "The row as text: copy, or save as CSV")
+        + over("python", "code", "Copy as Python")
     )
 
 
@@ -113,7 +117,8 @@ def _map(shown: Shown) -> str:
     reads = resolution(source(key, shown.attention.sites) if key.kind == "cross" else key.scale)
     num = count(shown.grid.num_tokens)
     if shown.look.direction == "attends to":
-        left = f"attends to {reads} · {tokens_words(row)} effective tokens of {num}"
+        kept = kept_words(row, shown.look.keep)
+        left = f"attends to {reads} · {kept or f'{tokens_words(row)} effective tokens of {num}'}"
     else:
         left = f"received {float(row.sum()):.2f} × uniform"
     peak = int(row.argmax())
@@ -183,7 +188,7 @@ def _foot(shown: Shown) -> str:
         of_heads = float(both.mean_of_heads)
         sharp = f"entropy <b>{bits:.2f}</b> (mean map) <b>{of_heads:.2f}</b> (mean of heads) {most} bits"
     is_whole = shown.look.direction == "attends to" and (shown.look.head is not None or shown.look.gather == "mean")
-    total = f"<span>sum {float(row.sum()):.4f}</span>" if is_whole else ""
+    total = f'<span title="sum of the row">Σ {float(row.sum()):.4f}</span>' if is_whole else ""
     return (
         f'<div class="et-caption" data-testid="map-facts"><span>{sharp}</span>'
         f'<span title="mean distance"><b>{pixels:.0f}</b> px</span>{total}</div>'

@@ -10,9 +10,9 @@ from app.engine.network_parts import NetworkPartsJob
 from app.engine.requests import FrameRequest
 from app.state.view_state import ViewState
 from app.views.attention.jobs.heads import AtlasJob, MattersJob
-from app.views.attention.jobs.site import BasisJob, SiteJob, TokensJob
+from app.views.attention.jobs.site import BasisJob, SiteJob, TokensJob, site_of_word
 from app.views.attention.jobs.time import CurveJob, PinJob, stretch_of
-from app.views.attention.state import AttentionState
+from app.views.attention.state import AttentionState, other_moment
 
 
 def attention_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
@@ -24,9 +24,12 @@ def attention_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]
         return wanted
     site = slice_.site
     wanted["attention.site"] = SiteJob(asked, site)
-    wanted["attention.tokens"] = TokensJob(asked, site)
+    of_site = site_of_word(slice_.feature, site), slice_.feature
+    wanted["attention.tokens"] = TokensJob(asked, *of_site)
     if slice_.tokens == "pca":
-        wanted["attention.basis"] = BasisJob(replace(plain, index=0), site)
+        wanted["attention.basis"] = BasisJob(replace(plain, index=0), *of_site)
+    elif (elsewhere := other_moment(state, asked)) is not None:
+        wanted["attention.tokens_also"] = TokensJob(elsewhere, *of_site)
     wanted["attention.matters"] = MattersJob(plain)
     wanted["attention.site_matters"] = MattersJob(plain, site)
     if slice_.pinned is not None:

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float32
 
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
+from app.views.attention.state import FeatureWord
 
 if TYPE_CHECKING:
     from etnet.inspection.basis import Basis
@@ -67,26 +68,41 @@ class Tokens:
         """The sensor and the zeros around it."""
         return self.map.grid
 
-    def similarity(self, pixel: tuple[int, int]) -> Float32[np.ndarray, "rows columns"]:
-        """Cosine of every token with the one over a pixel."""
+    def similarity(self, pixel: tuple[int, int], of: Tokens | None = None) -> Float32[np.ndarray, "rows columns"]:
+        """Cosine of every token with the one over a pixel, here or in another window or run.
+
+        Raises:
+            ValueError: the other network's vectors have another length.
+        """
         from etnet.inspection.similarity import cosine_similarity
 
-        return cosine_similarity(self.map, self.map.at(*pixel)).numpy()
+        return cosine_similarity(self.map, (of or self).map.at(*pixel)).numpy()
 
 
-def tokens_of(site: str) -> Feature:
-    """What the page calls a site's tokens: those that leave its layer."""
+def feature_of_word(word: FeatureWord, site: str) -> Feature:
+    """What a word of the page means; "tokens" are those that leave the site's layer."""
     from etnet.inspection.features import Feature
 
-    return Feature("tokens", site)
+    match word:
+        case "tokens" | "query" | "key" | "value":
+            return Feature(word, site)
+        case "context":
+            return Feature("context")
+    return Feature("hidden", level=int(word.removeprefix("hidden ")))
+
+
+def site_of_word(word: FeatureWord, site: str) -> str:
+    """The site, or nothing where the feature is of none: equal questions are then asked once."""
+    return site if word in ("tokens", "query", "key", "value") else ""
 
 
 @dataclass(frozen=True, slots=True)
 class TokensJob:
-    """The tokens that leave a site's layer, of the network as it is changed. Any pixel's similarity follows from it."""
+    """One feature of a window, of the network as it is changed. Any pixel's similarity follows from it."""
 
     request: FrameRequest
     site: str
+    word: FeatureWord = "tokens"
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Tokens, float]]:
         """One pass of TPA."""
@@ -94,7 +110,7 @@ class TokensJob:
         from etnet.inspection.pyramid import hold
 
         playback, intervention = loaded.playing(self.request)
-        feature, index = tokens_of(self.site), self.request.index
+        feature, index = feature_of_word(self.word, self.site), self.request.index
         require_feature(playback.model, feature)
         change = intervention if playback is loaded.playback else playback.intervention_at(index)
         found = feature_of(hold(playback, index, cancelled), feature, change)
@@ -103,10 +119,11 @@ class TokensJob:
 
 @dataclass(frozen=True, slots=True)
 class BasisJob:
-    """Three directions for a site's tokens, fitted once a recording, so that colours keep their meaning in play."""
+    """Three directions for a feature, fitted once a recording, so that colours keep their meaning in play."""
 
     request: FrameRequest
     site: str
+    word: FeatureWord = "tokens"
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Basis | None, float]]:
         """One window more that it is fitted to each time; the basis at last."""
@@ -114,7 +131,8 @@ class BasisJob:
 
         wanted = len(sampled_windows(len(loaded.playback), NUM_FITTED))
         maps = []
-        for map_ in sampled_maps(loaded.playback, tokens_of(self.site), NUM_FITTED, cancelled=cancelled):
+        feature = feature_of_word(self.word, self.site)
+        for map_ in sampled_maps(loaded.playback, feature, NUM_FITTED, cancelled=cancelled):
             maps.append(map_)
             if len(maps) < wanted:
                 yield None, len(maps) / (wanted + 1)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 BLOCK = 12
 """Windows: a curve begins and ends at multiples of it, so that a step along it computes nothing again."""
+LENGTH = 4 * BLOCK
+"""Windows of a curve at most: 12 or more before the current one, 24 or more after it."""
 NEAR = 16
 """Pixels to each side of the pixel that count as near it."""
 
@@ -39,7 +41,7 @@ class Curve:
 
 def stretch_of(index: int) -> tuple[int, int]:
     """The first window of a curve around a window, and how many it has at most."""
-    return max(0, (index // BLOCK - 1) * BLOCK), 3 * BLOCK
+    return max(0, (index // BLOCK - 1) * BLOCK), LENGTH
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class CurveJob:
 
         playback = loaded.playback
         require(playback.model, "attention")
-        first, length = stretch_of(self.request.index) if self.follows else (self.request.index, 3 * BLOCK)
+        first, length = stretch_of(self.request.index) if self.follows else (self.request.index, LENGTH)
         indices = range(first, min(first + length, len(playback)))
         places = self._places(loaded, indices, cancelled)
         found: list[tuple[int, np.ndarray]] = []

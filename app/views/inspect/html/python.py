@@ -90,7 +90,7 @@ def _of_attention(page: Page, job, value) -> Asked:
     if page.state.of(InspectState).opened == "rollout":
         sensor = page.moment.recording.sensor
         token = TokenGrid(sensor.height, sensor.width).token_at(*page.state.query)
-        return Asked("rollout", token=token, discard=job.discard)
+        return Asked("rollout", token=token, discard=job.discard, head=None if job.fusion == "mean" else job.fusion)
     head = page.state.of(AttentionState).head
     stretch = (value.indices[0], value.indices[-1])
     return Asked(
@@ -100,4 +100,5 @@ def _of_attention(page: Page, job, value) -> Asked:
         windows=stretch,
         quantity="entropy",
         head="mean" if head is None else head,
+        until=stretch[0] if job.follows else None,
     )

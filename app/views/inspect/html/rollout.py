@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, get_args
+
 import numpy as np
 
 from app.engine.requests import Ready
 from app.html.attention.maps import AttentionLook, map_html, map_legend, site_words, tokens_words
+from app.html.card import segmented
 from app.html.controls import LINE, button, buttons, curves, plain_bar
 from app.html.elements import escape, legend, panel, picture
 from app.html.moment import PICTURES
 from app.html.units import count, fraction, milliseconds, of_whole, resolution
 from app.views.inspect.results import Followed, RolledOut
+from app.views.inspect.state import Fusion, InspectState
 from etnet.render.attention import HIGHEST, LOWEST, log_level
 from etnet.render.colours import css_gradient, sequential
 from etnet.render.encode import data_url
+
+if TYPE_CHECKING:
+    from app.views.inspect.jobs.pixel import ThroughTimeJob
 
 DISCARDS = (0, 50, 90)
 """Per cent of the smallest weights that can be left out."""
 
 
-def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, discard: int, base: str) -> str:
+def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, slice_: InspectState, base: str) -> str:
     """How much of the pixel's token comes in through which scale and place; the choice alone before that."""
     choice = buttons(
         "Leave out",
         "".join(
-            button(f"{share} %" if share else "nothing", f"set:inspect.discard:{share}", is_on=share == discard)
+            button(f"{share} %" if share else "nothing", f"set:inspect.discard:{share}", is_on=share == slice_.discard)
             for share in DISCARDS
         ),
         "the smallest weights of every row, before they are multiplied",
+    )
+    choice += buttons(
+        "Head fusion",
+        "".join(button(word, f"set:inspect.fusion:{word}", is_on=word == slice_.fusion) for word in get_args(Fusion)),
+        "how one map is made of a site’s heads; each row of it is then scaled to sum to 1",
     )
     lead = (
         "One attention map shows one step. Rolled out, the steps of all layers are multiplied: which tokens, at which "
@@ -67,18 +79,22 @@ def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, dis
     )
 
 
-def followed_html(
-    followed: Followed, key: object, site: str, head: int | None, sites: tuple[str, ...], query: tuple[int, int]
-) -> str:
+def followed_html(followed: Followed, job: ThroughTimeJob, sites: tuple[str, ...]) -> str:
     """A kymograph of the pixel's token row, and two curves under it in the same measure of time."""
     num = len(followed.indices)
-    who = "mean map of the heads" if head is None else f"head {head}"
+    who = "mean map of the heads" if job.head is None else f"head {job.head}"
+    x, y = job.pixel
     span = milliseconds((followed.stamps[-1] - followed.stamps[0]) / 1000) if num > 1 else "one window"
     lead = (
-        f"{site_words(site, sites)}, {who}, for pixel ({query[0]}, {query[1]}) in the last {num} windows "
-        f"({span}). Time runs down: the newest line is the current window."
+        f"{site_words(job.site, sites)}, {who}, for {'the patch that is now at' if job.follows else 'pixel'} ({x}, {y})"
+        f" in the last {num} windows ({span}). Time runs down: the newest line is the current window."
     )
-    url = PICTURES.text(("kymograph", key, num), lambda: _kymograph(followed))
+    follows = segmented(
+        "Follow",
+        {"set:attention.follows:False": "pixel", "set:attention.follows:True": "patch, along its events"},
+        f"set:attention.follows:{job.follows}",
+    )
+    url = PICTURES.text(("kymograph", job, num), lambda: _kymograph(followed))
     columns = followed.along_row.shape[1]
     image = picture(
         url, "attention along the row, over time", size=(columns, num), classes="et-sharp et-kymograph",
@@ -97,7 +113,7 @@ def followed_html(
     ]
     return panel(
         "followed",
-        f'<div class="et-note">{escape(lead)}</div>',
+        f'<div class="et-note">{escape(lead)}</div><div class="et-chips">{follows}</div>',
         image,
         '<div class="et-caption"><span>left edge of the image</span><span>the pixel’s row of tokens</span>'
         "<span>right edge</span></div>",

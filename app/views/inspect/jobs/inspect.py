@@ -76,7 +76,8 @@ def _pixel_study(state: ViewState, asked: FrameRequest) -> Mapping[str, Job]:
         case "search":
             return {"inspect.search": CauseJob(asked.plain, query, slice_.tolerance / 1000)}
         case "rollout":
-            return {"inspect.rolled": RolloutJob(asked, query, slice_.discard / 100)}
+            return {"inspect.rolled": RolloutJob(asked, query, slice_.discard / 100, slice_.fusion)}
         case "time":
-            return {"inspect.followed": ThroughTimeJob(asked.plain, query, attention.site, attention.head)}
+            asked_of = attention.site, attention.head, attention.follows
+            return {"inspect.followed": ThroughTimeJob(asked.plain, query, *asked_of)}
     return {}

@@ -10,9 +10,12 @@ from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.views.inspect.jobs.arrays import array
 from app.views.inspect.results import Followed, RolledOut, Traced, TracedWindow
+from app.views.inspect.state import Fusion
 
 if TYPE_CHECKING:
+    from etnet.inspection.mass import Region
     from etnet.nets.attention import Attention
+    from etnet.playback.playback import Playback
 
 
 FOLLOWED = 24
@@ -50,13 +53,15 @@ class RolloutJob:
     request: FrameRequest
     pixel: tuple[int, int]
     discard: float
+    fusion: Fusion = "mean"
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[RolledOut, float]]:
         """One decode that is watched, and about as much again."""
         from etnet.inspection.rollout import rollout
 
         attention = _watched(loaded, self.request, cancelled)
-        found = rollout(attention, attention.grid.token_at(*self.pixel), self.discard, cancelled=cancelled)
+        token = attention.grid.token_at(*self.pixel)
+        found = rollout(attention, token, self.discard, fusion=self.fusion, cancelled=cancelled)
         yield RolledOut(found.scales, array(found.weights), self.discard), 1.0
 
 
@@ -68,11 +73,13 @@ class ThroughTimeJob:
     pixel: tuple[int, int]
     site: str
     head: int | None = None
+    follows: bool = False
+    """Whether the query goes with the patch that lies under the pixel now, along the motion of its events."""
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Followed, float]]:
         """One window more each time. Nothing of it is lost when others are served between two of them."""
         from etnet.inspection.anatomy import require
-        from etnet.inspection.mass import Region, region_shares
+        from etnet.inspection.mass import region_shares
         from etnet.inspection.through_time import Track, attention_through_time
         from etnet.nets.padding import TokenGrid
 
@@ -80,17 +87,15 @@ class ThroughTimeJob:
         require(playback.model, "attention")
         sensor = playback.recording.sensor
         grid = TokenGrid(sensor.height, sensor.width)
-        x, y = self.pixel
-        region = Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1)
-        even = float(region_shares(grid, region).mean())
-        indices = range(max(0, last - FOLLOWED + 1), last + 1)
+        path = self._path(playback, last, cancelled)
+        indices = sorted(path)
+        even = float(region_shares(grid, _near(self.pixel)).mean())
         playback.lay_state(indices[0], cancelled)
         moments = []
         head = "mean" if self.head is None else self.head
         for index in indices:
-            moments += attention_through_time(
-                playback, self.pixel, [index], frozenset({self.site}), region, cancelled, head
-            )
+            region = _near(path[index])
+            moments += attention_through_time(playback, path, [index], frozenset({self.site}), region, cancelled, head)
             track = Track.of(moments)
             followed = Followed(
                 tuple(track.index.tolist()),
@@ -103,6 +108,21 @@ class ThroughTimeJob:
                 NEAR,
             )
             yield followed, len(moments) / len(indices)
+
+    def _path(self, playback: Playback, last: int, cancelled: Callable[[], bool]) -> dict[int, tuple[int, int]]:
+        first = max(0, last - FOLLOWED + 1)
+        if not self.follows:
+            return dict.fromkeys(range(first, last + 1), self.pixel)
+        from etnet.inspection.follow import follow, pixels_of
+
+        return pixels_of(follow(playback.recording, playback.windows, last, self.pixel, first, cancelled=cancelled))
+
+
+def _near(pixel: tuple[int, int]) -> Region:
+    from etnet.inspection.mass import Region
+
+    x, y = pixel
+    return Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1)
 
 
 def _watched(loaded: LoadedPlayback, request: FrameRequest, cancelled: Callable[[], bool]) -> Attention:

@@ -14,8 +14,8 @@ from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.state.view_state import ViewState
 from app.views import VIEWS
+from app.views.attention.html.code import snippet as map_snippet
 from app.views.attention.html.shown import shown_of
-from app.views.attention.html.side import snippet as map_snippet
 from app.views.attention.state import AttentionState
 from app.views.inspect.html.causes import search_html, sources_html
 from app.views.inspect.html.on_timeline import change_on_timeline

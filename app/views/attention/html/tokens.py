@@ -1,0 +1,110 @@
+"""What is like the chosen token, here and in another window or run; and a feature's tokens as colours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from app.html.attention.maps import large_map
+from app.html.card import segmented
+from app.html.elements import escape, panel
+from app.html.units import count, of_whole
+from app.views.attention.html.shelf import waits
+from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.jobs.site import Tokens, site_of_word
+from app.views.attention.state import AttentionState, FeatureWord, other_moment
+from app.views.page import Page
+from etnet.render.colours import sequential
+
+FEATURES: dict[FeatureWord, str] = {
+    "tokens": "tokens after this layer", "query": "queries of this site", "key": "keys of this site",
+    "value": "values of this site", "context": "aggregated context", "hidden 1": "ConvLSTM hidden, 1/2",
+    "hidden 2": "ConvLSTM hidden, 1/4", "hidden 3": "ConvLSTM hidden, 1/8",
+}  # fmt: skip
+
+
+def tokens_html(page: Page) -> tuple[str, str, str, str]:
+    """Title, note, tools and body of the card of tokens."""
+    slice_ = page.state.of(AttentionState)
+    options = {"set:attention.tokens:similarity": "similar", "set:attention.tokens:pca": "PCA"}
+    tools = segmented("Tokens", options, f"set:attention.tokens:{slice_.tokens}")
+    title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
+    shown = shown_of(page)
+    if shown is None:
+        return title, "", tools, panel("tokens", missing(page, is_brief=True))
+    found = shown.feature("tokens")
+    if found is None:
+        rest = waits(page.results.get("attention.tokens"), "one pass of the network")
+        return title, "", tools, panel("tokens", rest)
+    if slice_.tokens == "similarity":
+        note = f"cosine to this token: {FEATURES[slice_.feature]}"
+        return title, escape(note), tools, panel("tokens", _similar(shown, found))
+    basis = shown.feature("basis")
+    if basis is None:
+        rest = waits(page.results.get("attention.basis"), "fitting colours to the recording, once")
+        return title, "", tools, panel("tokens", rest)
+    held = " + ".join(of_whole(share) for share in basis.explained)
+    return title, f"PCA, {held} of the variance", tools, panel("tokens", _colours(shown, found, basis))
+
+
+def _similar(shown: Shown, found: Tokens) -> str:
+    here = _picture(found, found.similarity(shown.look.query), shown.look.query)
+    readout = '<span class="et-chip" data-etv-readout>cosine −1 … 1</span>'
+    elsewhere = other_moment(shown.page.state, shown.ready.request)
+    if elsewhere is None:
+        return _staged(here, f"<span></span>{readout}")
+    result = shown.page.results.get("attention.tokens_also")
+    asked = (site_of_word(shown.slice_.feature, shown.slice_.site), shown.slice_.feature)
+    job: Any = None if result is None else result.job
+    if result is None or (job.site, job.word) != asked or job.request.playback != elsewhere.playback:
+        return _pair(_staged(here, f"<span></span>{readout}"), waits(None, "the other window"))
+    if result.value is None or job.request.frame != elsewhere.frame:
+        return _pair(_staged(here, f"<span></span>{readout}"), waits(result, "the other window"))
+    there: Tokens = result.value
+    try:
+        values = there.similarity(shown.look.query, of=found)
+    except ValueError as error:
+        return _pair(_staged(here, readout), f'<div class="et-say" data-testid="lacks">{escape(str(error))}.</div>')
+    words = f"window {count(job.request.index)}"
+    if job.request.model_id != shown.ready.request.model_id:
+        words = job.request.model_id
+    now = f'<span class="et-chip">window {count(shown.ready.request.index)}</span>'
+    then = f'<span class="et-chip" data-testid="also">{escape(words)} · max {float(values.max()):.2f}</span>'
+    readout = '<span class="et-chip" data-etv-readout></span>'
+    other = _picture(there, values, None)
+    return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))
+
+
+def _pair(left: str, right: str) -> str:
+    return f'<div class="et-two-maps">{left}{right}</div>'
+
+
+def _staged(image: str, badges: str) -> str:
+    return f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges">{badges}</div></div>'
+
+
+def _picture(found: Tokens, values: Float[np.ndarray, "rows columns"], query: tuple[int, int] | None) -> str:
+    level = np.rint((values.clip(-1, 1) + 1) * 127.5).astype(np.uint8)
+    return large_map(
+        found.grid,
+        _opaque(sequential()[level]),
+        values.reshape(-1),
+        "",
+        "cosine similarity",
+        query=query,
+        unit="cosine",
+    )
+
+
+def _colours(shown: Shown, found: Tokens, basis: Any) -> str:
+    colours = np.rint(basis.colours(found.map) * 255).astype(np.uint8)
+    first = basis.coordinates(found.map)[..., 0].reshape(-1)
+    query = shown.look.query
+    image = large_map(found.grid, _opaque(colours), first, "", "three components", query=query, unit="on the first")
+    return f'<div class="et-stage-map" data-etv-focus="1">{image}</div>'
+
+
+def _opaque(colours: UInt8[np.ndarray, "rows columns 3"]) -> UInt8[np.ndarray, "rows columns 4"]:
+    return np.concatenate([colours, np.full((*colours.shape[:2], 1), 255, np.uint8)], axis=-1)
