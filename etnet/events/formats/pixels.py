@@ -192,6 +192,24 @@ def advise_on_pixels(reach: Reach, sensor: Sensor, remarks: Remarks) -> None:
         )
 
 
+def odd_pixels(reach: Reach, sensor: Sensor) -> str:
+    """Why events lie beyond a sensor of known size, and what to do; "" where nothing tells."""
+    width, height = sensor.width, sensor.height
+    if reach.num_events < _FEWEST_FIXED:
+        return ""
+    if (reach.low_x, reach.low_y) == (1, 1) and reach.high_x <= width and reach.high_y <= height:
+        return (
+            f"no event lies in row or column 0 and they reach ({reach.high_x}, {reach.high_y}): pixels seem to count "
+            "from 1; open it with --pixels from1"
+        )
+    if reach.high_x < height and width > reach.high_y >= height:
+        return (
+            f"x and y may be swapped, for the events fit {height}×{width}: --assume width={height},height={width} "
+            "--flip vertical --rotate 90 swaps them"
+        )
+    return ""
+
+
 def _known(reach_x: int, reach_y: int) -> tuple[int, int, str] | None:
     for width, height, model in KNOWN_SENSORS:
         if 0.9 * width <= reach_x + 1 <= width and 0.9 * height <= reach_y + 1 <= height:

@@ -46,6 +46,8 @@ class Evidence:
     last: float
     num_pixels: int
     has_fractions: bool
+    is_fine: bool = True
+    """Whether any has more than three digits after the point; those of ms that count µs have not."""
 
     def seconds(self, unit: TimeUnit) -> float:
         """How long it lasts if stamps count `unit`."""
@@ -59,8 +61,8 @@ class Evidence:
         """Whether a camera could have made it. Of very few events, or of one stamp only, nothing can be said."""
         if self.seconds(unit) <= 0:
             return True
-        # Seconds with fractions are seldom anything else: less is held against them.
-        least = LEAST_RATE / 10 if unit == "s" and self.has_fractions else LEAST_RATE
+        # Seconds with fractions of µs are seldom anything else: less is held against them.
+        least = LEAST_RATE / 10 if unit == "s" and self.has_fractions and self.is_fine else LEAST_RATE
         return self.seconds(unit) <= LONGEST and (self.num_events < _ENOUGH or self.rate(unit) >= least)
 
     def said(self, unit: TimeUnit) -> str:
@@ -81,6 +83,8 @@ def judged_unit(
         return assume.time_unit
     first, why = (usual, f"{layout} does") if usual is not None else _by_kind(evidence)
     unit = first if evidence.is_possible(first) else _other(evidence, first)
+    if unit == first and usual is None:
+        unit = _slower(evidence, first)
     if unit is not None and unit != first:
         remarks.assumed(
             f"stamps count {unit}: in {first}, because {why}, they would be {evidence.said(first)}; "
@@ -105,6 +109,15 @@ def _by_kind(evidence: Evidence) -> tuple[TimeUnit, str]:
     return "us", "they are whole numbers"
 
 
+def _slower(evidence: Evidence, first: TimeUnit) -> TimeUnit:
+    """`first`, unless it gives more than a scene does and ms give what one does; or they are ms since 1970."""
+    if first != "us" or evidence.num_events < _ENOUGH or not evidence.is_possible("ms"):
+        return first
+    is_likelier = abs(math.log10(evidence.rate("ms") / _USUAL_RATE)) < abs(math.log10(evidence.rate("us") / _USUAL_RATE))
+    is_odd = evidence.rate("us") > MOST_RATE / 10 or _is_epoch(evidence, PER_SECOND["ms"])
+    return "ms" if is_odd and is_likelier else first
+
+
 def _is_epoch(evidence: Evidence, per_second: int) -> bool:
     return all(_EPOCH[0] * per_second <= stamp <= _EPOCH[1] * per_second for stamp in (evidence.first, evidence.last))
 
@@ -122,4 +135,6 @@ def _other(evidence: Evidence, first: TimeUnit) -> TimeUnit | None:
 
 
 def _misfit(evidence: Evidence, unit: TimeUnit) -> float:
-    return abs(math.log10(evidence.rate(unit) / _USUAL_RATE)) + _DOUBT[unit]
+    # Three digits after the point are those of µs in ms.
+    doubt = 0.0 if unit == "ms" and evidence.has_fractions and not evidence.is_fine else _DOUBT[unit]
+    return abs(math.log10(evidence.rate(unit) / _USUAL_RATE)) + doubt

@@ -40,6 +40,12 @@ def found_in(tree: Tree, what: str, name: str, remarks: Remarks) -> Found:
     for leaf in tree.values():
         if leaf.dtype.names is not None and len(_BOX_FIELDS & set(leaf.dtype.names)) >= 2:
             raise RecordingError(f"{name}: these are boxes (labels), not events; open the recording beside it")
+    keys = column_keys(tree)
+    odd = [key for key in (keys or {}).values() if not tree[key].is_numbers]
+    if odd:
+        raise RecordingError(
+            f"{name}: its array {odd[0]} is of type {tree[odd[0]].dtype}; numbers are wanted there: save it as such"
+        )
     said = ", ".join(f"{path or 'an array'} {_kind(leaf)}" for path, leaf in list(tree.items())[:8])
     raise RecordingError(
         f"{name}: {what} with {said or 'nothing'}; wanted x, y, t and p as columns or fields, or an n × 4 table"

@@ -12,7 +12,8 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.column_finder import Columns, Field, Found, Rows, Tree, find_events, paths_in
+from etnet.events.formats.column_finder import Columns, Found, Tree, find_events
+from etnet.events.formats.column_views import Field, Rows
 from etnet.events.formats.declared_size import sensor_resolution, size_beside
 from etnet.events.formats.frames import Frames, found_frames
 from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, say_unread
@@ -90,7 +91,7 @@ def _open_found(request: Request, file: h5py.File) -> Opened:
         )
     if found.order:
         remarks.assumed(f"the four columns of {found.where} are {', '.join(found.order)}, judged by their values")
-    check_columns(file, paths_in(tree, found), request.name)
+    check_columns(file, set(found.paths), request.name)
     is_dsec = _has(file, "ms_to_idx", request)
     offset = _offset(file, request) if _has(file, "t_offset", request) else 0
     kind = "DSEC HDF5" if is_dsec else _kind(found, file, request)
