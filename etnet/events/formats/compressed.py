@@ -113,6 +113,8 @@ def _single(members: tuple[str, ...], name: str) -> str:
             return fitting[0]
         if fitting:
             raise RecordingError(f"{name}: holds {listed(fitting)}; unpack it and open one of them")
+    if "[Content_Types].xml" in members:
+        raise RecordingError(f"{name}: a document of Excel or Word; save its table as CSV in UTF-8")
     packed = [member for member in members if member.lower().endswith(_PACKED)]
     if packed:
         raise RecordingError(

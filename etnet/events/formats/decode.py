@@ -17,10 +17,11 @@ from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.bounds import check_sensor
 from etnet.events.formats.columns import LARGEST_STAMP, is_ordered
 from etnet.events.formats.pixels import (
-    LARGEST_DEDUCED_SIDE,
+    FEW,
     Reach,
     advise_on_pixels,
     deduced_sensor,
+    is_far,
     is_size_of_events,
     odd_pixels,
     placed,
@@ -31,10 +32,6 @@ from etnet.events.formats.time_unit import PER_SECOND, Evidence
 from etnet.events.formats.wrapping_clock import WrappingClock
 from etnet.events.recording import EventSource, Growth, Span
 from etnet.events.triggers import Triggers
-
-FEW = 0.01
-"""The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
-
 
 LOOKED_AT = 1 << 20
 """Stamps by which it is judged how fine they are."""
@@ -79,6 +76,9 @@ class _Strays:
         if sensor is not None and (self.reach.high_x >= sensor.width or self.reach.high_y >= sensor.height):
             on_it = (columns.x < sensor.width) & (columns.y < sensor.height)
             inside = on_it if inside is None else inside & on_it
+        elif sensor is None and self.reach.num_far:
+            near = ~is_far(columns.x, columns.y)
+            inside = near if inside is None else inside & near
         if inside is None or inside.all():
             return count
         kept = int(np.count_nonzero(inside))
@@ -221,16 +221,16 @@ def _sensor_of(
 ) -> Sensor:
     reach = strays.reach
     is_whole = request.assume.pixels == "whole"
-    too_far = max(reach.high_x, reach.high_y) >= LARGEST_DEDUCED_SIDE if sensor is None else strays.num_outside > 0
+    too_far = reach.num_far > 0 if sensor is None else strays.num_outside > 0
     if is_whole and too_far and reach.is_fixed_point:
         raise RecordingError(f"{request.name}: {reach.fixed_point_fault()}")
     if sensor is None:
-        if num_kept == 0:
+        if num_kept == 0 and not reach.num_far:
             raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
         if frames is not None and is_size_of_events(reach, frames):
             remarks.detected(f"sensor {frames}, the size of the pictures")
             return frames
-        sensor = deduced_sensor(reach.high_x, reach.high_y, request.name, remarks)
+        sensor = deduced_sensor(*reach.on_sensor, request.name, remarks)
         check_sensor(sensor, request.name, request.assume.max_pixels)
         if is_whole:
             advise_on_pixels(reach, sensor, remarks)

@@ -9,8 +9,8 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.columns import is_ordered
-from etnet.events.formats.decode import FEW, Decoded
-from etnet.events.formats.pixels import Reach, odd_pixels, placed
+from etnet.events.formats.decode import Decoded
+from etnet.events.formats.pixels import FEW, Reach, odd_pixels, placed
 from etnet.events.formats.polarity import Coding, say_coding, say_unusual, signed_polarity, unusual_coding
 from etnet.events.formats.stamp_order import StampOrder
 from etnet.events.formats.wrapping_clock import WrappingClock
@@ -74,7 +74,7 @@ class Survey:
     @property
     def has_few_strays(self) -> bool:
         """Whether some events lie beyond the sensor or nowhere, but no more than strays are."""
-        return 0 < self._num_strays <= FEW * self._num_events
+        return 0 < self._num_strays <= FEW * self._num_events or (self._sensor is None and self.reach.has_few_far)
 
     @property
     def has_strays(self) -> bool:

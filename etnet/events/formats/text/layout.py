@@ -28,6 +28,9 @@ _COMMENTS = (b"#", b"%", b"//")
 _GEOMETRY = re.compile(
     rb"(?:geometry|resolution|sensor[ _]?size|width)\s*[:=]\s*(\d{1,5})\D{1,12}(\d{1,5})", re.IGNORECASE
 )
+_SIDE = re.compile(rb"\b(width|height)\s*[:=]\s*(\d{1,5})\s*$", re.IGNORECASE)
+"""One side of the sensor alone on a line."""
+
 _LARGEST_COLUMNS = 64
 
 
@@ -123,14 +126,13 @@ def _start(head: bytes, name: str) -> Layout | None:
     consumed = len(BYTE_ORDER_MARK) if head.startswith(BYTE_ORDER_MARK) else 0
     sensor: Sensor | None = None
     names: tuple[str, ...] = ()
-    for line in head[consumed:].splitlines(keepends=True):
+    sides: dict[bytes, int] = {}
+    for number, line in enumerate(head[consumed:].splitlines(keepends=True), 1):
         words = line.strip()
         if not words or words.startswith(_COMMENTS):
-            geometry = _GEOMETRY.search(words)
-            if geometry is not None:
-                sensor = declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
+            sensor = _declared(words, sides, name) or sensor
             names = _names_in(words.lstrip(b"#%/ !")) or names
-        else:
+        elif not words.lower().startswith(b"sep="):  # which Excel writes and reads
             has_comma = _has_decimal_comma(words)
             row = plain_row(words, has_comma).split()
             if _are_values(row):
@@ -140,13 +142,33 @@ def _start(head: bytes, name: str) -> Layout | None:
                     return _layout(head, consumed, names, len(row), has_comma, sensor, name)
                 else:
                     return None
+            elif names:
+                shown = words[:60].decode("utf-8", "replace")
+                raise RecordingError(
+                    f'{name}: line {number} reads "{shown}" after a line that names {", ".join(names)[:80]}; wanted '
+                    "numbers there; correct or remove the line"
+                )
             else:
-                named = _names_in(words)
-                if not named or names:
+                # Before the names, pandas has nothing for its index, and tabs divide.
+                names = _names_in(line.strip(b" \r\n"))
+                if not names:
                     return None
-                names = named
         consumed += len(line)
     return None
+
+
+def _declared(comment: bytes, sides: dict[bytes, int], name: str) -> Sensor | None:
+    """The sensor that a comment states; `sides` keeps one that stands on a line of its own."""
+    geometry = _GEOMETRY.search(comment)
+    if geometry is not None:
+        return declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
+    side = _SIDE.search(comment)
+    if side is None:
+        return None
+    sides[side[1].lower()] = int(side[2])
+    if len(sides) < 2:
+        return None
+    return declared_sensor(sides[b"width"], sides[b"height"], f"{name}: its head", ANY_PIXELS)
 
 
 def _layout(
@@ -179,6 +201,8 @@ def _names_in(line: bytes) -> tuple[str, ...]:
     # A unit in brackets belongs to the word before it, whatever stands between.
     parts = text.split(mark) if mark else re.split(r"\s+(?![\[(])", text.strip())
     names = tuple(part.strip().strip("\"'") for part in parts)
+    if mark and not names[-1]:
+        names = names[:-1]  # a delimiter after the last one, too
     keys = column_keys(names) if 4 <= len(names) <= _LARGEST_COLUMNS else None
     return names if keys is not None and "xy" not in keys else ()
 

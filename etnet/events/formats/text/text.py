@@ -80,7 +80,7 @@ def _open_stream(
 def _head_of(stream: BufferedIOBase) -> bytes:
     """Some rows; more where comments fill them."""
     head = stream.read(_SHORT_HEAD)
-    is_comment = all(line.lstrip()[:1] in (b"#", b"%", b"") for line in head.splitlines())
+    is_comment = all(line.lstrip()[:1] in (b"#", b"%", b"/", b"") for line in head.splitlines())
     return head + stream.read(HEAD_BYTES - len(head)) if is_comment and len(head) == _SHORT_HEAD else head
 
 
