@@ -18,8 +18,8 @@ from etnet.events.formats.bounds import Unpacked
 from etnet.events.formats.foreign import called, listed
 from etnet.events.recording import Remark
 
-_SURE = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".hdf", ".bag", ".mcap", ".db3", ".bin", ".mat")
-RECORDING_SUFFIXES = (*_SURE, ".npz", ".npy", ".txt", ".csv")
+SURE_SUFFIXES = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".hdf", ".bag", ".mcap", ".db3", ".bin", ".mat")
+RECORDING_SUFFIXES = (*SURE_SUFFIXES, ".npz", ".npy", ".txt", ".csv")
 """Of files that may be recordings; those at the end may be many other things as well."""
 
 _STEP = 1 << 20
@@ -107,7 +107,7 @@ def packed_formats(open_inner: OpenInner) -> tuple[Format, ...]:
 
 def _single(members: tuple[str, ...], name: str) -> str:
     """The one recording in an archive; an error that says what is in it if there are more or none."""
-    for suffixes in (_SURE, RECORDING_SUFFIXES):
+    for suffixes in (SURE_SUFFIXES, RECORDING_SUFFIXES):
         fitting = [member for member in members if member.lower().endswith(suffixes)]
         if len(fitting) == 1:
             return fitting[0]
