@@ -117,7 +117,9 @@ def words_of(path: str) -> list[str]:
 
 def find_events(tree: Tree, remarks: Remarks) -> Found | None:
     """The columns at the likeliest place; other places are named. None where there is none."""
-    places = sorted([*_groups(tree), *_records(tree), *_tables(tree), *_four_vectors(tree)], key=_Place.rank)
+    named = _groups(tree)
+    unnamed = _four_vectors(tree, {place.where for place in named})
+    places = sorted([*named, *_records(tree), *_tables(tree), *unnamed], key=_Place.rank)
     for i, place in enumerate(places):
         found = place.open()
         if found is None:
@@ -219,8 +221,11 @@ def _samples(count: int) -> list[slice]:
     return [slice(start, start + _SAMPLE) for start in starts]
 
 
-def _four_vectors(tree: Tree) -> list[_Place]:
-    """Four arrays of one length whose names say nothing, as np.savez(file, a, b, c, d) calls them."""
+def _four_vectors(tree: Tree, known: set[str]) -> list[_Place]:
+    """Four arrays of one length whose names say nothing, as np.savez(file, a, b, c, d) calls them.
+
+    `known`: groups in which names say enough.
+    """
     groups: dict[str, list[str]] = {}
     for path, leaf in tree.items():
         if leaf.is_vector and max(leaf.shape) >= _FEWEST_ROWS:
@@ -228,7 +233,7 @@ def _four_vectors(tree: Tree) -> list[_Place]:
     found = []
     for group, paths in groups.items():
         counts = {max(tree[path].shape) for path in paths}
-        if len(paths) == 4 and len(counts) == 1:
+        if group not in known and len(paths) == 4 and len(counts) == 1:
             chosen = tuple(sorted(paths))
             found.append(_Place(group, 3, counts.pop(), lambda g=group, p=chosen: _of_four(g, p, tree)))
     return found

@@ -18,7 +18,21 @@ from etnet.events.formats.bounds import Unpacked
 from etnet.events.formats.foreign import called, listed
 from etnet.events.recording import Remark
 
-SURE_SUFFIXES = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".hdf", ".bag", ".mcap", ".db3", ".bin", ".mat")
+SURE_SUFFIXES = (
+    ".raw",
+    ".dat",
+    ".aedat4",
+    ".aedat",
+    ".es",
+    ".h5",
+    ".hdf5",
+    ".hdf",
+    ".bag",
+    ".mcap",
+    ".db3",
+    ".bin",
+    ".mat",
+)
 RECORDING_SUFFIXES = (*SURE_SUFFIXES, ".npz", ".npy", ".txt", ".csv")
 """Of files that may be recordings; those at the end may be many other things as well."""
 

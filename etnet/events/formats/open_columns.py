@@ -11,7 +11,7 @@ from etnet.events.assumptions import TimeUnit
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.column_finder import Column, Columns, check_lengths
-from etnet.events.formats.columns import LARGEST_STAMP, is_ordered, stamps_in_microseconds
+from etnet.events.formats.columns import LARGEST_STAMP, stamps_in_microseconds
 from etnet.events.formats.decode import Decoded
 from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.paged import PAGE, SHORT, paged
@@ -178,9 +178,9 @@ def _falls(t: Column) -> bool:
     before = -np.inf
     for part in places_of(len(t)):
         values = np.asarray(t[part])
-        if values[0] < before or not is_ordered(values):
+        if len(values) and (values[0] < before or bool((values[1:] < values[:-1]).any())):
             return True
-        before = values[-1]
+        before = values[-1] if len(values) else before
     return False
 
 

@@ -113,7 +113,9 @@ def _slower(evidence: Evidence, first: TimeUnit) -> TimeUnit:
     """`first`, unless it gives more than a scene does and ms give what one does; or they are ms since 1970."""
     if first != "us" or evidence.num_events < _ENOUGH or not evidence.is_possible("ms"):
         return first
-    is_likelier = abs(math.log10(evidence.rate("ms") / _USUAL_RATE)) < abs(math.log10(evidence.rate("us") / _USUAL_RATE))
+    is_likelier = abs(math.log10(evidence.rate("ms") / _USUAL_RATE)) < abs(
+        math.log10(evidence.rate("us") / _USUAL_RATE)
+    )
     is_odd = evidence.rate("us") > MOST_RATE / 10 or _is_epoch(evidence, PER_SECOND["ms"])
     return "ms" if is_odd and is_likelier else first
 

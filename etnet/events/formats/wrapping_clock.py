@@ -69,7 +69,9 @@ class WrappingClock:
         """That it turned, if it did; once."""
         if not self.turns:
             return
-        text = f"the {self.bits}-bit stamps wrap (every {_lasts((1 << self.bits) / PER_SECOND[unit])}) and were unrolled"
+        text = (
+            f"the {self.bits}-bit stamps wrap (every {_lasts((1 << self.bits) / PER_SECOND[unit])}) and were unrolled"
+        )
         if not any(remark.text == text for remark in remarks.kept):
             remarks.repaired(text)
 
