@@ -185,7 +185,7 @@ def _falls(t: Column) -> bool:
 
 
 def _evidence(t: Column, num_pixels: int) -> Evidence:
-    """The earliest and the latest stamp of those looked at: where time runs back they are not the first and the last."""
+    """The earliest and the latest stamp of those looked at: they need not be the first and the last."""
     lowest, highest, has_fractions, is_fine = np.inf, -np.inf, False, False
     for part in places_of(len(t)):
         values = np.asarray(t[part])
@@ -213,8 +213,8 @@ def _advise_on_resolution(t: Column, remarks: Remarks) -> None:
         return
     step = float(np.spacing(np.abs(last[0])))
     remarks.advise(
-        f"stamps are floats of {8 * last.dtype.itemsize} bits, which near {float(last[0]):.9g} resolve steps of {step:g} only; events closer "
-        "than that share a stamp: save them with 64 bits"
+        f"stamps are floats of {8 * last.dtype.itemsize} bits, which near {float(last[0]):.9g} resolve steps of "
+        f"{step:g} only; events closer than that share a stamp: save them with 64 bits"
     )
 
 

@@ -12,7 +12,7 @@ _USUAL = ("txyp", "xytp", "xypt")
 
 
 _MOSTLY = 0.9
-"""Share of steps in one direction from which on a column is a clock that is out of order; of pixels half go each way."""
+"""Share of steps in one direction from which on a column is a clock out of order; of pixels half go each way."""
 
 
 def table_order(sample: Shaped[np.ndarray, "n 4"], name_is_events: bool = True) -> str | None:

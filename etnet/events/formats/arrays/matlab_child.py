@@ -2,8 +2,8 @@
 
 Run as `python -P -m etnet.events.formats.arrays.matlab_child FILE.mat FOLDER BYTES`; FOLDER gets x.npy, y.npy, t.npy
 and p.npy, and standard output a line of JSON: the struct or matrix that holds them ("" at the top, null if none does),
-all variables, the order of a matrix's columns, the unit in the name of t, the structs that were left out, and what else was
-said.
+all variables, the order of a matrix's columns, the unit in the name of t, the structs that were left out, and what
+else was said.
 The file may unpack to BYTES. Exit code 1, with one line on standard error, for what cannot be read.
 """
 
