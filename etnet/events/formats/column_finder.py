@@ -126,12 +126,19 @@ def find_events(tree: Tree, remarks: Remarks) -> Found | None:
             continue
         if found.where:
             remarks.detected(f"events are in {found.where}")
-        others = [other.where or "the top" for other in places[i + 1 :] if other.where != found.where]
+        others = [called(other.where) for other in places[i + 1 :] if other.where != found.where]
         if others:
             said = ", ".join(others[:6])
             remarks.detected(f"{said} {'looks' if len(others) == 1 else 'look'} like events, too; left out")
         return found
     return None
+
+
+def called(where: str) -> str:
+    """A place in words. EM, of ATIS cameras, has pairs of moments that measure grey levels."""
+    if "em" in words_of(where):
+        return f"{where} (exposure measurements, whose polarity is no change)"
+    return where or "the top"
 
 
 def _groups(tree: Tree) -> list[_Place]:

@@ -77,7 +77,7 @@ def _is_ordered(values: Shaped[np.ndarray, " n"]) -> bool:
 def _is_mostly_ordered(values: Shaped[np.ndarray, " n"]) -> bool:
     """Also of a clock that wraps, or of rows from last to first."""
     num_up, num_down = np.count_nonzero(values[1:] > values[:-1]), np.count_nonzero(values[1:] < values[:-1])
-    return max(num_up, num_down) > _MOSTLY * max(1, num_up + num_down)
+    return bool(max(num_up, num_down) > _MOSTLY * max(1, num_up + num_down))
 
 
 def _are_pixels(columns: list[np.ndarray], order: str) -> bool:

@@ -26,10 +26,16 @@ LEAST_RATE = 1e-3
 MOST_RATE = 1e3
 """The same at the other end; a readout of 10⁹ events a second is as much."""
 
+_BUSY_RATE, _BUSY = 1e2, 1e7
+"""Events per pixel and second, and events a second, that together no scene gives for all of a recording."""
+
 _ENOUGH = 100
 """Events from which on a rate says something."""
 
 _USUAL_RATE = 3.0
+_SHORTEST = 0.01
+"""Seconds below which it is doubtful that somebody kept a recording."""
+
 _DOUBT = {"us": 0.0, "ms": 1.0, "ns": 1.0, "s": 1.0}
 """How much rarer than µs a unit is, in powers of ten by which its rate must fit better."""
 
@@ -113,11 +119,9 @@ def _slower(evidence: Evidence, first: TimeUnit) -> TimeUnit:
     """`first`, unless it gives more than a scene does and ms give what one does; or they are ms since 1970."""
     if first != "us" or evidence.num_events < _ENOUGH or not evidence.is_possible("ms"):
         return first
-    is_likelier = abs(math.log10(evidence.rate("ms") / _USUAL_RATE)) < abs(
-        math.log10(evidence.rate("us") / _USUAL_RATE)
-    )
-    is_odd = evidence.rate("us") > MOST_RATE / 10 or _is_epoch(evidence, PER_SECOND["ms"])
-    return "ms" if is_odd and is_likelier else first
+    is_busy = evidence.rate("us") > _BUSY_RATE and evidence.rate("us") * evidence.num_pixels > _BUSY
+    is_odd = is_busy or _is_epoch(evidence, PER_SECOND["ms"])
+    return "ms" if is_odd and _oddness(evidence, "ms") < _oddness(evidence, "us") else first
 
 
 def _is_epoch(evidence: Evidence, per_second: int) -> bool:
@@ -139,4 +143,10 @@ def _other(evidence: Evidence, first: TimeUnit) -> TimeUnit | None:
 def _misfit(evidence: Evidence, unit: TimeUnit) -> float:
     # Three digits after the point are those of µs in ms.
     doubt = 0.0 if unit == "ms" and evidence.has_fractions and not evidence.is_fine else _DOUBT[unit]
-    return abs(math.log10(evidence.rate(unit) / _USUAL_RATE)) + doubt
+    return _oddness(evidence, unit) + doubt
+
+
+def _oddness(evidence: Evidence, unit: TimeUnit) -> float:
+    """Powers of ten between its rate and a camera's, and between its length and the shortest that people keep."""
+    too_short = math.log10(max(1.0, _SHORTEST / max(evidence.seconds(unit), 1e-12)))
+    return abs(math.log10(evidence.rate(unit) / _USUAL_RATE)) + too_short

@@ -15,7 +15,7 @@ from etnet.errors import RecordingError
 from etnet.events.formats.arrays import matlab_child
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import FREE_SIZE, MAX_RATIO
-from etnet.events.formats.column_finder import Found, find_events, words_of
+from etnet.events.formats.column_finder import Found, called, find_events
 from etnet.events.formats.hdf5.file import open_file
 from etnet.events.formats.hdf5.tree import check_columns, outline, tree_of
 from etnet.events.formats.open_columns import Table, open_table
@@ -79,10 +79,9 @@ def _without_columns(request: Request, there: str) -> RecordingError:
 
 
 def _say_others(others: list[str], remarks: Remarks) -> None:
-    """Structs that are no change events. EM, of ATIS cameras, has pairs of moments that measure grey levels."""
+    """Structs that are no change events."""
     for name in others:
-        what = " (exposure measurements, whose polarity is no change)" if words_of(name)[0] == "em" else ""
-        remarks.detected(f"the struct {name}{what} was left out")
+        remarks.detected(f"the struct {called(name)} was left out")
 
 
 def _open_v73(request: Request) -> Opened:

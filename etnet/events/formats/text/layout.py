@@ -52,7 +52,9 @@ def looks_like_events(head: bytes) -> bool:
         start = _start(head, "head")
     except RecordingError:
         return False
-    return start is not None and (bool(start.names) or start.columns.count == 4)
+    if start is None or start.names:
+        return start is not None
+    return start.columns.count == 4 and (not start.sample or table_order(_numbers(start), False) is not None)
 
 
 def looks_like_rows(head: bytes) -> bool:
@@ -97,7 +99,7 @@ def _named(start: Layout, remarks: Remarks, stated: TimeUnit | None) -> tuple[La
 
 
 def _unnamed(start: Layout, name: str, remarks: Remarks, stated: TimeUnit | None) -> tuple[Layout, TimeUnit | None]:
-    rows = np.array([[float(token) for token in row] for row in start.sample])
+    rows = _numbers(start)
     order = table_order(rows) if len(rows) else "txyp"
     assert order is not None
     if order != "txyp":
@@ -110,6 +112,10 @@ def _unnamed(start: Layout, name: str, remarks: Remarks, stated: TimeUnit | None
     t, x, y, p = (order.index(axis) for axis in "txyp")
     columns = Columns(t, x, y, p, 4, "s", start.columns.decimal_comma)
     return _counting(start, columns, stated), stated
+
+
+def _numbers(start: Layout) -> np.ndarray:
+    return np.array([[float(token) for token in row] for row in start.sample])
 
 
 def _counting(start: Layout, columns: Columns, unit: TimeUnit | None) -> Layout:
@@ -196,7 +202,7 @@ def _layout(
 
 def _names_in(line: bytes) -> tuple[str, ...]:
     """The names in a line, split at its own delimiter; none where they are not those of x, y, t and p."""
-    text = line.decode("utf-8", "replace")
+    text = _decoded(line)
     mark = next((mark for mark in ",;\t" if mark in text), None)
     # A unit in brackets belongs to the word before it, whatever stands between.
     parts = text.split(mark) if mark else re.split(r"\s+(?![\[(])", text.strip())
@@ -205,6 +211,14 @@ def _names_in(line: bytes) -> tuple[str, ...]:
         names = names[:-1]  # a delimiter after the last one, too
     keys = column_keys(names) if 4 <= len(names) <= _LARGEST_COLUMNS else None
     return names if keys is not None and "xy" not in keys else ()
+
+
+def _decoded(line: bytes) -> str:
+    """As UTF-8, else as Windows writes it: a µ must not get lost before an s."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", "replace")
 
 
 def _has_decimal_comma(line: bytes) -> bool:
