@@ -142,7 +142,7 @@ def _other(evidence: Evidence, first: TimeUnit) -> TimeUnit | None:
 
 def _misfit(evidence: Evidence, unit: TimeUnit) -> float:
     # Three digits after the point are those of µs in ms.
-    doubt = 0.0 if unit == "ms" and evidence.has_fractions and not evidence.is_fine else _DOUBT[unit]
+    doubt = -1.0 if unit == "ms" and evidence.has_fractions and not evidence.is_fine else _DOUBT[unit]
     return _oddness(evidence, unit) + doubt
 
 
