@@ -5,7 +5,9 @@ from __future__ import annotations
 import gzip
 import io
 import shutil
+import zipfile
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -32,6 +34,7 @@ MADE = (
     *("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy", "davis.aedat"),
     *("columns.h5", "records.h5", "frames.h5", "records.npz", "xypt.npz", "pandas.csv", "metavision.csv"),
     *("pictures.db3", "killed.active", "triggers.raw", "packets.mcap"),
+    *("pieces.zip", "wraps.npz", "unnamed.npz", "sides.npz", "network.h5", "wraps_ns.csv"),
 )
 REAL = (
     "aedat4/davis346_street_0.17s.aedat4",
@@ -71,6 +74,10 @@ def seed_file(name: str, folder):
         path.write_text("20 12\n" + rows)
     elif name == "text.txt.gz":
         path.write_bytes(gzip.compress(rows.encode()))
+    elif name == "pieces.zip":
+        save_pieces(path, events)
+    elif name in MADE[-5:]:
+        save_odd(path, events)
     elif name.endswith((".h5", ".npz", ".csv")):
         save_found(path, events)
     elif name == "davis.aedat":
@@ -87,6 +94,38 @@ def seed_file(name: str, folder):
     else:
         np.save(path, np.stack([events.t, events.x, events.y, events.p], 1))
     return path
+
+
+def save_pieces(path, events):
+    """Three pieces in a zip, with a picture and its stamp."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number in range(3):
+            part, piece = slice(number * 1000, (number + 1) * 1000), io.BytesIO()
+            np.savez(piece, **{axis: getattr(events, axis)[part] for axis in "xytp"})
+            archive.writestr(f"seq/events/{number:06d}.npz", piece.getvalue())
+        archive.writestr("seq/images/0.png", cv2.imencode(".png", np.zeros((12, 20), np.uint8))[1].tobytes())
+        archive.writestr("seq/images/timestamps.txt", "100")
+
+
+def save_odd(path, events):
+    """Stamps that wrap, columns whose names say little, pictures with their colours first."""
+    x, y, t, p = (getattr(events, axis) for axis in "xytp")
+    if path.name == "wraps.npz":
+        np.savez(path, x=x, y=y, t=((t + (1 << 32) - 9_000) % (1 << 32)).astype("u4"), p=p)
+    elif path.name == "unnamed.npz":
+        np.savez(path, x, y, t, p)
+    elif path.name == "sides.npz":
+        np.savez(path, left_x=x, left_y=y, left_t=t, left_p=p, right_x=x, right_y=y, right_t=t, right_p=p)
+    elif path.name == "wraps_ns.csv":
+        rows = zip(((t * 1000 + (1 << 32) - 9_000_000) % (1 << 32)).tolist(), x, y, p > 0, strict=True)
+        path.write_text(
+            "\tt_ns\tx\ty\ton\n" + "".join(f"{i}\t{a}\t{b}\t{c}\t{d}\n" for i, (a, b, c, d) in enumerate(rows))
+        )
+    else:
+        with h5py.File(path, "w") as file:
+            for axis, column in zip("xytp", (x, y, t, p), strict=True):
+                file[f"events/{axis}"] = column
+            file["frames"], file["frames_ts"] = np.full((3, 3, 12, 20), -0.9, "f4"), [0, 20_000, 40_000]
 
 
 def save_found(path, events):

@@ -50,9 +50,9 @@ class FolderStore:
         self._label = folder.name
 
     def names(self) -> tuple[str, ...]:
-        """Files of the folder and of folders in it, two levels deep at most."""
+        """Files of the folder and of folders in it, three levels deep at most."""
         found: list[str] = []
-        for pattern in ("*", "*/*", "*/*/*"):
+        for pattern in ("*", "*/*", "*/*/*", "*/*/*/*"):
             for path in self._folder.glob(pattern):
                 if path.is_file() and not is_litter(path.relative_to(self._folder).as_posix()):
                     found.append(path.relative_to(self._folder).as_posix())

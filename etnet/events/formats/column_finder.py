@@ -15,6 +15,7 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.base import Remarks
 from etnet.events.formats.column_names import column_keys, named_axis
+from etnet.events.formats.column_views import Field, Rows, Vector
 from etnet.events.formats.table_order import table_order
 
 _EVENT_WORDS = ("event", "evs", "evt", "dvs", "cd", "td", "prophesee", "davis", "arr", "stream")
@@ -79,6 +80,8 @@ class Found:
     unit: TimeUnit | None = None
     order: str = ""
     """The order of a table's columns, where that was judged by their values."""
+    paths: tuple[str, ...] = ()
+    """The arrays that the columns are in."""
 
 
 @dataclass(frozen=True)
@@ -114,14 +117,16 @@ def words_of(path: str) -> list[str]:
 
 def find_events(tree: Tree, remarks: Remarks) -> Found | None:
     """The columns at the likeliest place; other places are named. None where there is none."""
-    places = sorted([*_groups(tree), *_records(tree), *_tables(tree)], key=_Place.rank)
+    named = _groups(tree)
+    unnamed = _four_vectors(tree, {place.where for place in named})
+    places = sorted([*named, *_records(tree), *_tables(tree), *unnamed], key=_Place.rank)
     for i, place in enumerate(places):
         found = place.open()
         if found is None:
             continue
         if found.where:
             remarks.detected(f"events are in {found.where}")
-        others = [other.where or "the top" for other in places[i + 1 :] if other.where != found.where]
+        others = [called(other.where) for other in places[i + 1 :] if other.where != found.where]
         if others:
             said = ", ".join(others[:6])
             remarks.detected(f"{said} {'looks' if len(others) == 1 else 'look'} like events, too; left out")
@@ -129,41 +134,55 @@ def find_events(tree: Tree, remarks: Remarks) -> Found | None:
     return None
 
 
-def paths_in(tree: Tree, found: Found) -> set[str]:
-    """The arrays that the columns are in: one, or the vectors of a group."""
-    if found.where in tree:
-        return {found.where}
-    prefix = found.where + "/" if found.where else ""
-    length = len(found.columns["t"])
-    inside = {path for path in tree if path.startswith(prefix) and "/" not in path[len(prefix) :]}
-    return {path for path in inside if tree[path].shape and max(tree[path].shape) == length}
+def called(where: str) -> str:
+    """A place in words. EM, of ATIS cameras, has pairs of moments that measure grey levels."""
+    if "em" in words_of(where):
+        return f"{where} (exposure measurements, whose polarity is no change)"
+    return where or "the top"
 
 
 def _groups(tree: Tree) -> list[_Place]:
-    """Groups in which vectors have the columns' names."""
+    """Groups in which vectors have the columns' names, or have them behind a common word ("left_x", "left_t")."""
     members: dict[str, dict[str, Leaf]] = {}
     for path, leaf in tree.items():
         group, _, key = path.rpartition("/")
-        is_pair = leaf.is_table(2) and (named_axis(key) or ("",))[0] == "xy"
-        if is_pair or (leaf.is_vector and (named_axis(key) or ("",))[0] != "xy"):
+        if _is_column(leaf, key):
             members.setdefault(group, {})[key] = leaf
     found = []
     for group, leaves in members.items():
-        keys = column_keys(leaves)
-        if keys is not None:
-            count = max(leaves[keys["t"]].shape)
-            found.append(_Place(group, 0, count, lambda g=group, k=keys, v=leaves: _of_group(g, k, v)))
+        for prefix, inside in ({"": leaves} if column_keys(leaves) is not None else _by_prefix(leaves)).items():
+            keys = column_keys(inside)
+            if keys is not None:
+                where = "/".join(part for part in (group, prefix.rstrip("_")) if part)
+                paths = {axis: f"{group}/{prefix}{key}" if group else prefix + key for axis, key in keys.items()}
+                count = max(inside[keys["t"]].shape)
+                named = named_axis(keys["t"])
+                unit = None if named is None else named[1]
+                found.append(_Place(where, 0, count, lambda w=where, p=paths, u=unit: _of_group(w, p, u, tree)))
     return found
 
 
-def _of_group(group: str, keys: dict[str, str], leaves: dict[str, Leaf]) -> Found:
-    opened = {axis: leaves[key].open() for axis, key in keys.items()}
+def _is_column(leaf: Leaf, key: str) -> bool:
+    return leaf.is_table(2) if (named_axis(key) or ("",))[0] == "xy" else leaf.is_vector
+
+
+def _by_prefix(leaves: Mapping[str, Leaf]) -> dict[str, dict[str, Leaf]]:
+    """Arrays whose names begin with the same words, by the rest of their names."""
+    found: dict[str, dict[str, Leaf]] = {}
+    for key, leaf in leaves.items():
+        prefix, dash, rest = key.rpartition("_")
+        if prefix and _is_column(leaf, rest):
+            found.setdefault(prefix + dash, {})[rest] = leaf
+    return found
+
+
+def _of_group(where: str, paths: dict[str, str], unit: TimeUnit | None, tree: Tree) -> Found:
+    opened = {axis: tree[path].open() for axis, path in paths.items()}
     columns: Columns = {axis: Vector(stored) for axis, stored in opened.items() if axis != "xy"}
     if "xy" in opened:
         pairs = Rows(opened["xy"], 2)
         columns |= {"x": Field(pairs, 0), "y": Field(pairs, 1)}
-    named = named_axis(keys["t"])
-    return Found(group, columns, None if named is None else named[1])
+    return Found(where, columns, unit, paths=tuple(paths.values()))
 
 
 def _records(tree: Tree) -> list[_Place]:
@@ -180,7 +199,7 @@ def _of_records(path: str, keys: dict[str, str], leaf: Leaf) -> Found:
     rows = Rows(leaf.open())
     columns: Columns = {axis: Field(rows, key) for axis, key in keys.items()}
     named = named_axis(keys["t"])
-    return Found(path, columns, None if named is None else named[1])
+    return Found(path, columns, None if named is None else named[1], paths=(path,))
 
 
 def _tables(tree: Tree) -> list[_Place]:
@@ -196,66 +215,45 @@ def _tables(tree: Tree) -> list[_Place]:
 def _of_table(path: str, leaf: Leaf, is_alone: bool) -> Found | None:
     rows = Rows(leaf.open(), 4)
     is_named = is_alone or _is_named(path)
-    places = sorted({int(place) for place in np.linspace(0, max(0, len(rows) - _SAMPLE), _SAMPLES)})
-    order = table_order(np.concatenate([rows[at : at + _SAMPLE] for at in places]), is_named)
+    order = table_order(np.concatenate([rows[part] for part in _samples(len(rows))]), is_named)
     if order is None:
         return None
-    return Found(path, {axis: Field(rows, order.index(axis)) for axis in "xytp"}, None, order)
+    return Found(path, {axis: Field(rows, order.index(axis)) for axis in "xytp"}, None, order, (path,))
 
 
-class Vector:
-    """A row of numbers, read by slice; its other sides are 1."""
-
-    def __init__(self, stored: Any) -> None:
-        self._stored = stored
-        self._side = stored.shape.index(max(stored.shape))
-
-    def __len__(self) -> int:
-        return self._stored.shape[self._side]
-
-    def __getitem__(self, part: slice) -> np.ndarray:
-        start, stop, _ = part.indices(len(self))
-        places: list[int | slice] = [0] * len(self._stored.shape)
-        places[self._side] = slice(start, stop)
-        return np.asarray(self._stored[tuple(places)])
+def _samples(count: int) -> list[slice]:
+    """A few short slices from the first to the last, which do not overlap."""
+    most = min(_SAMPLES, max(1, count // _SAMPLE))
+    starts = np.linspace(0, max(0, count - _SAMPLE), most).astype(int).tolist()
+    return [slice(start, start + _SAMPLE) for start in starts]
 
 
-class Rows:
-    """Rows of a table of `width` columns, or records; the last ones are kept, for all columns are asked for in turn."""
+def _four_vectors(tree: Tree, known: set[str]) -> list[_Place]:
+    """Four arrays of one length whose names say nothing, as np.savez(file, a, b, c, d) calls them.
 
-    def __init__(self, stored: Any, width: int = 1) -> None:
-        self._stored = stored
-        shape = stored.shape
-        self._side = int(shape[1] != width) if width > 1 else shape.index(max(shape))
-        self._kept: tuple[slice, np.ndarray] | None = None
-
-    def __len__(self) -> int:
-        return self._stored.shape[self._side]
-
-    def __getitem__(self, part: slice) -> np.ndarray:
-        start, stop, _ = part.indices(len(self))
-        whole = slice(start, stop)
-        if self._kept is None or self._kept[0] != whole:
-            places: list[int | slice] = [slice(None) if self._stored.ndim == 2 else 0] * self._stored.ndim
-            places[self._side] = whole
-            block = np.asarray(self._stored[tuple(places)])
-            self._kept = whole, block.T if self._side == 1 else block
-        return self._kept[1]
+    `known`: groups in which names say enough.
+    """
+    groups: dict[str, list[str]] = {}
+    for path, leaf in tree.items():
+        if leaf.is_vector and max(leaf.shape) >= _FEWEST_ROWS:
+            groups.setdefault(path.rpartition("/")[0], []).append(path)
+    found = []
+    for group, paths in groups.items():
+        counts = {max(tree[path].shape) for path in paths}
+        if group not in known and len(paths) == 4 and len(counts) == 1:
+            chosen = tuple(sorted(paths))
+            found.append(_Place(group, 3, counts.pop(), lambda g=group, p=chosen: _of_four(g, p, tree)))
+    return found
 
 
-@dataclass(frozen=True)
-class Field:
-    """One column of rows: a number of a table's, or a name of records'."""
-
-    rows: Rows
-    key: int | str
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, part: slice) -> np.ndarray:
-        block = self.rows[part]
-        return block[:, self.key] if isinstance(self.key, int) else block[self.key].reshape(-1)
+def _of_four(group: str, paths: tuple[str, ...], tree: Tree) -> Found | None:
+    vectors = [Vector(tree[path].open()) for path in paths]
+    parts = _samples(len(vectors[0]))
+    sample = np.stack([np.concatenate([vector[part] for part in parts]) for vector in vectors], 1)
+    order = table_order(sample, name_is_events=False)
+    if order is None:
+        return None
+    return Found(group, {axis: vectors[order.index(axis)] for axis in "xytp"}, None, order, paths)
 
 
 def check_lengths(columns: Columns, name: str) -> int:

@@ -9,15 +9,19 @@ from etnet.events.assumptions import TimeUnit
 
 NAMES = {
     "x": (
-        *("x", "xs", "xpos", "posx", "xaddr", "addrx", "xaddress", "addressx", "xcoord", "coordx", "xcoordinate"),
-        *("pixelx", "xpixel", "col", "cols", "column"),
+        *("x", "xs", "xpos", "posx", "xaddr", "addrx", "xaddress", "addressx", "xcoord", "coordx"),
+        *("xcoordinate", "coordinatex", "xcoords", "xcoordinates", "xloc", "locx", "xlocation"),
+        *("locationx", "xposition", "positionx", "pixelx", "xpixel", "xpixels", "pixelsx", "xpix"),
+        *("pixx", "col", "cols", "column", "columns", "u"),
     ),
     "y": (
-        *("y", "ys", "ypos", "posy", "yaddr", "addry", "yaddress", "addressy", "ycoord", "coordy", "ycoordinate"),
-        *("pixely", "ypixel", "row", "rows"),
+        *("y", "ys", "ypos", "posy", "yaddr", "addry", "yaddress", "addressy", "ycoord", "coordy"),
+        *("ycoordinate", "coordinatey", "ycoords", "ycoordinates", "yloc", "locy", "ylocation"),
+        *("locationy", "yposition", "positiony", "pixely", "ypixel", "ypixels", "pixelsy", "ypix"),
+        *("pixy", "row", "rows", "v"),
     ),
-    "t": ("t", "ts", "timestamp", "timestamps", "time", "times", "stamp", "stamps"),
-    "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "ison", "sign"),
+    "t": ("t", "ts", "timestamp", "timestamps", "time", "times", "stamp", "stamps", "tstamp", "tstamps"),
+    "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "ison", "onoff", "sign", "signs"),
 }
 """By axis, the names that are taken before the others first; in lower case, with nothing but letters."""
 

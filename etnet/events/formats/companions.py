@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ from etnet.errors import RecordingError
 from etnet.events.formats.archive import FolderStore, ZipStore
 from etnet.events.formats.base import HEAD_BYTES, Format, Opened, Remarks, Request, contained
 from etnet.events.formats.column_finder import rank_of
-from etnet.events.formats.compressed import RECORDING_SUFFIXES
+from etnet.events.formats.compressed import RECORDING_SUFFIXES, SURE_SUFFIXES
 from etnet.events.formats.foreign import listed
 from etnet.events.formats.frames import attached, found_frames
 from etnet.events.formats.picture_lists import pictures_beside
@@ -19,8 +20,11 @@ MOST_LOOKED_INTO = 200
 """Files of a folder that are looked into for events."""
 
 
-def folder_format(formats: tuple[Format, ...]) -> Format:
-    """`formats` are those of single files; the first that knows a file and finds events in it opens it."""
+def folder_formats(formats: tuple[Format, ...], is_text_folder: Callable[[Request], bool]) -> tuple[Format, Format]:
+    """A folder of texts with further recordings, which is asked before that of texts alone, and any other folder.
+
+    `formats` are those of single files; the first that knows a file and finds events in it opens it.
+    """
 
     def fitting(request: Request) -> Format | None:
         with contained(request.name, "its beginning"):
@@ -62,7 +66,15 @@ def folder_format(formats: tuple[Format, ...]) -> Format:
         opened = entry.open(inner)
         return _with_pictures(replace(opened, remarks=(*said, *opened.remarks)), request)
 
-    return Format("folder with one recording", ("",), lambda request: request.path.is_dir(), open_folder)
+    def is_mixed(request: Request) -> bool:
+        if not request.path.is_dir() or not any(name.lower().endswith(SURE_SUFFIXES) for name in request.members):
+            return False
+        return is_text_folder(request) and len(recordings_in(request)) > 1
+
+    return (
+        Format("folder with several recordings", ("",), is_mixed, open_folder),
+        Format("folder with one recording", ("",), lambda request: request.path.is_dir(), open_folder),
+    )
 
 
 def _inner(request: Request, member: str, resources: ExitStack) -> Request:

@@ -18,8 +18,22 @@ from etnet.events.formats.bounds import Unpacked
 from etnet.events.formats.foreign import called, listed
 from etnet.events.recording import Remark
 
-_SURE = (".raw", ".dat", ".aedat4", ".aedat", ".es", ".h5", ".hdf5", ".hdf", ".bag", ".mcap", ".db3", ".bin", ".mat")
-RECORDING_SUFFIXES = (*_SURE, ".npz", ".npy", ".txt", ".csv")
+SURE_SUFFIXES = (
+    ".raw",
+    ".dat",
+    ".aedat4",
+    ".aedat",
+    ".es",
+    ".h5",
+    ".hdf5",
+    ".hdf",
+    ".bag",
+    ".mcap",
+    ".db3",
+    ".bin",
+    ".mat",
+)
+RECORDING_SUFFIXES = (*SURE_SUFFIXES, ".npz", ".npy", ".txt", ".csv")
 """Of files that may be recordings; those at the end may be many other things as well."""
 
 _STEP = 1 << 20
@@ -107,12 +121,14 @@ def packed_formats(open_inner: OpenInner) -> tuple[Format, ...]:
 
 def _single(members: tuple[str, ...], name: str) -> str:
     """The one recording in an archive; an error that says what is in it if there are more or none."""
-    for suffixes in (_SURE, RECORDING_SUFFIXES):
+    for suffixes in (SURE_SUFFIXES, RECORDING_SUFFIXES):
         fitting = [member for member in members if member.lower().endswith(suffixes)]
         if len(fitting) == 1:
             return fitting[0]
         if fitting:
             raise RecordingError(f"{name}: holds {listed(fitting)}; unpack it and open one of them")
+    if "[Content_Types].xml" in members:
+        raise RecordingError(f"{name}: a document of Excel or Word; save its table as CSV in UTF-8")
     packed = [member for member in members if member.lower().endswith(_PACKED)]
     if packed:
         raise RecordingError(

@@ -17,21 +17,24 @@ from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.bounds import check_sensor
 from etnet.events.formats.columns import LARGEST_STAMP, is_ordered
 from etnet.events.formats.pixels import (
-    LARGEST_DEDUCED_SIDE,
+    FEW,
     Reach,
     advise_on_pixels,
     deduced_sensor,
+    is_far,
     is_size_of_events,
+    odd_pixels,
     placed,
 )
 from etnet.events.formats.polarity import Coding, say_coding, say_unusual, signed_polarity, unusual_coding
-from etnet.events.formats.stamp_order import Clock32, StampOrder
+from etnet.events.formats.stamp_order import StampOrder
 from etnet.events.formats.time_unit import PER_SECOND, Evidence
+from etnet.events.formats.wrapping_clock import WrappingClock
 from etnet.events.recording import EventSource, Growth, Span
 from etnet.events.triggers import Triggers
 
-FEW = 0.01
-"""The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
+LOOKED_AT = 1 << 20
+"""Stamps by which it is judged how fine they are."""
 
 
 class Decoded(NamedTuple):
@@ -73,6 +76,9 @@ class _Strays:
         if sensor is not None and (self.reach.high_x >= sensor.width or self.reach.high_y >= sensor.height):
             on_it = (columns.x < sensor.width) & (columns.y < sensor.height)
             inside = on_it if inside is None else inside & on_it
+        elif sensor is None and self.reach.num_far:
+            near = ~is_far(columns.x, columns.y)
+            inside = near if inside is None else inside & near
         if inside is None or inside.all():
             return count
         kept = int(np.count_nonzero(inside))
@@ -89,7 +95,7 @@ class _Filling:
     """Turns pieces into columns that stay; what it learns of the clock and the polarity serves the next ones."""
 
     request: Request
-    clock: Clock32
+    clock: WrappingClock
     coding: Coding | None = None
     lowest: float = 2
     is_first: bool = True
@@ -132,7 +138,7 @@ def collect(
     """
     cache = EventCache(request.scratch)
     sensor = stated_sensor(request, declared, remarks)
-    order, strays, filling = StampOrder(), _Strays(Reach()), _Filling(request, Clock32())
+    order, strays, filling = StampOrder(), _Strays(Reach()), _Filling(request, WrappingClock())
     for whole in pieces:
         if whole.p.dtype.kind in "iu":
             filling.lowest = min(filling.lowest, int(whole.p.min(initial=2)))
@@ -149,35 +155,33 @@ def collect(
         say_unusual(filling.coding, remarks)
     elif filling.lowest < 2 and request.assume.polarity != "positive":
         say_coding(filling.lowest, False, remarks)
-    if filling.clock.turns:
-        say_unrolled(remarks)
     if unit is not None and order.first is not None:
-        _rescale(cache, order, sensor, unit, taken)
+        filling.clock.say(remarks, _rescale(cache, order, sensor, unit, taken))
+    else:
+        filling.clock.say(remarks)
     columns = _ordered(cache, order, request, remarks)
     request.progress(1.0)
     span = Span(int(columns.t[0]), int(columns.t[-1])) if len(columns.t) else Span(0, 0)
     return Collected(ColumnSource(columns, sensor), sensor, span)
 
 
-def say_unrolled(remarks: Remarks) -> None:
-    """That a clock of 32 bits went on where it wrapped; once."""
-    text = "the 32-bit stamps wrap (every 71.6 minutes) and were unrolled"
-    if not any(remark.text == text for remark in remarks.kept):
-        remarks.repaired(text)
-
-
 def _rescale(
     cache: EventCache, order: StampOrder, sensor: Sensor, unit: Callable[[Evidence], TimeUnit], taken: TimeUnit
-) -> None:
-    """Turn stamps that were taken for `taken` into what they are found to be; exact, for units are powers of ten."""
+) -> TimeUnit:
+    """Turn stamps that were taken for `taken` into what they are found to be; exact, for units are powers of ten.
+
+    Gives the unit in which a clock that wraps counted: µs as long as they are taken at their word.
+    """
     per_microsecond = PER_SECOND[taken] / 10**6
     first, last = (stamp * per_microsecond for stamp in (order.first or 0, order.highest))
-    found = unit(Evidence(cache.num_events, first, last, sensor.num_pixels, taken == "s"))
+    is_fine = taken == "s" and bool((cache.columns().t[:LOOKED_AT] % 1000).any())
+    found = unit(Evidence(cache.num_events, first, last, sensor.num_pixels, taken == "s", is_fine))
     if found == taken:
-        return
+        return "us"
     up, down = PER_SECOND[taken], PER_SECOND[found]
     cache.map_stamps(lambda t: t * (up // down) if up >= down else _divided(t, down // up))
     order.scale(up / down)
+    return found if taken == "us" else "us"
 
 
 def _divided(t: np.ndarray, by: int) -> np.ndarray:
@@ -217,16 +221,16 @@ def _sensor_of(
 ) -> Sensor:
     reach = strays.reach
     is_whole = request.assume.pixels == "whole"
-    too_far = max(reach.high_x, reach.high_y) >= LARGEST_DEDUCED_SIDE if sensor is None else strays.num_outside > 0
+    too_far = reach.num_far > 0 if sensor is None else strays.num_outside > 0
     if is_whole and too_far and reach.is_fixed_point:
         raise RecordingError(f"{request.name}: {reach.fixed_point_fault()}")
     if sensor is None:
-        if num_kept == 0:
+        if num_kept == 0 and not reach.num_far:
             raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
         if frames is not None and is_size_of_events(reach, frames):
             remarks.detected(f"sensor {frames}, the size of the pictures")
             return frames
-        sensor = deduced_sensor(reach.high_x, reach.high_y, request.name, remarks)
+        sensor = deduced_sensor(*reach.on_sensor, request.name, remarks)
         check_sensor(sensor, request.name, request.assume.max_pixels)
         if is_whole:
             advise_on_pixels(reach, sensor, remarks)
@@ -239,12 +243,14 @@ def _judge_outside(strays: _Strays, num_kept: int, sensor: Sensor, request: Requ
     if strays.num_outside == 0:
         return
     num_all, reach = num_kept + strays.num_outside, f"up to ({strays.reach.high_x}, {strays.reach.high_y})"
-    is_many = strays.num_outside > FEW * num_all
+    is_many, odd = strays.num_outside > FEW * num_all, odd_pixels(strays.reach, sensor)
     if is_many and not request.assume.drop_outside:
         raise RecordingError(
             f"{request.name}: {strays.num_outside} of {num_all} events lie beyond {sensor}, {reach}; state the size "
-            "with --assume width=…,height=… or leave them out with --drop-outside"
+            f"with --assume width=…,height=… or leave them out with --drop-outside{odd and f'; {odd}'}"
         )
+    if odd:
+        remarks.advise(odd)
     if is_many:
         remarks.advise(
             f"--drop-outside left out {strays.num_outside:,} of {num_all:,} events "
@@ -262,4 +268,9 @@ def _ordered(cache: EventCache, order: StampOrder, request: Request, remarks: Re
     if not order.is_small and not request.assume.sort:
         raise RecordingError(f"{request.name}: {order.fault()}")
     remarks.repaired(order.repair())
+    if order.is_restarted and not order.is_small:
+        remarks.advise(
+            f"{order.num_back + 1} recordings of a clock that was restarted seem to lie one after another, and sorting "
+            "mixed them; cut the file where the clock restarts"
+        )
     return cache.sorted_columns()

@@ -19,7 +19,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, contained
 from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.columns import LARGEST_STAMP, stamps_in_microseconds
-from etnet.events.formats.frame_range import grey_picture, judged_range
+from etnet.events.formats.frame_range import grey_picture, judged_range, with_colours_last
 from etnet.events.formats.time_unit import PER_SECOND, UNITS
 from etnet.events.recording import GroundTruth, Span
 
@@ -88,14 +88,14 @@ def _truth(frames: Frames, span: Span, stated: TimeUnit | None, name: str, remar
 
     def read_raw(index: int) -> Shaped[np.ndarray, ...]:
         with lock, contained(name, f"frame {index}"):
-            return frames.read_raw(index)
+            return with_colours_last(frames.read_raw(index))
 
-    white = judged_range(len(frames), read_raw, remarks, frames.white)
+    black, white = judged_range(len(frames), read_raw, remarks, frames.white)
 
     def read_frame(index: int) -> Float32[np.ndarray, "h w"]:
         picture = read_raw(index)
         is_bgr = frames.is_bgr if isinstance(frames.is_bgr, bool) else frames.is_bgr(index)
-        return grey_picture(picture, white, f"{name}: frame {index}", is_bgr)
+        return grey_picture(picture, black, white, f"{name}: frame {index}", is_bgr)
 
     read_frame(0)
     read_flow = None if frames.flow is None else frames.flow(unit, stamps)

@@ -27,6 +27,8 @@ def _open(request: Request) -> Opened:
         raise RecordingError(
             f"{request.name}: {size} bytes are no multiple of 5, so these are no N-MNIST or N-Caltech101 events"
         )
+    if not octets.any():
+        raise RecordingError(f"{request.name}: nothing but zeros; the copy or download broke off")
     rows = octets.reshape(-1, 5).astype(np.int64)
     stamps = ((rows[:, 2] & 0x7F) << 16) | (rows[:, 3] << 8) | rows[:, 4]
     rows, stamps = _without_marks(rows, stamps, remarks)

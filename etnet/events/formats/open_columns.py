@@ -17,10 +17,12 @@ from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.paged import PAGE, SHORT, paged
 from etnet.events.formats.pixels import Reach, is_size_of_events, placed
 from etnet.events.formats.time_unit import Evidence, judged_unit
+from etnet.events.formats.wrapping_clock import WrappingClock
 
 _PROBE, _PROBES = 4096, 16
 _DAY = 86_400 * 10**6
-_FLOAT32_LIMIT = 2**24
+_COARSE = {np.dtype(np.float32): 2**24 / 100, np.dtype(np.float16): 0.0}
+"""Floats that hold stamps up to here alone."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,19 @@ class _Less:
         return np.asarray(self.stored[part]) - 1
 
 
+@dataclass(frozen=True)
+class _Seconds:
+    """µs as seconds."""
+
+    stored: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    def __getitem__(self, part: slice) -> np.ndarray:
+        return self.stored[part] / 1e6
+
+
 def open_table(request: Request, table: Table, remarks: Remarks) -> Opened:
     """A recording that stays where its columns are."""
     num_events = check_lengths(table.columns, request.name)
@@ -68,7 +83,9 @@ def open_table(request: Request, table: Table, remarks: Remarks) -> Opened:
     declared = table.sensor
     if declared is None and table.frames is not None and request.assume.sensor is None:
         declared = _size_of_frames(table.frames, x, y, request, remarks)
+    t, clock = _unrolled(t, request)
     unit = _unit(table, t, _num_pixels(x, y, declared, request), request, remarks)
+    clock.say(remarks, "us" if isinstance(t, _Seconds) else unit)
     offset = _offset(table, t, unit, remarks)
 
     def stamps(start: int, stop: int) -> np.ndarray:
@@ -132,29 +149,72 @@ def _unit(table: Table, t: Column, num_pixels: int, request: Request, remarks: R
     return judged_unit(_evidence(t, num_pixels), request.assume, remarks, table.usual, table.kind)
 
 
-def _evidence(t: Column, num_pixels: int) -> Evidence:
-    ends = [np.asarray(t[:1]), np.asarray(t[len(t) - 1 :])]
-    first, last = (float(end[0]) if len(end) else 0.0 for end in ends)
-    has_fractions = False
+def _unrolled(t: Column, request: Request) -> tuple[Column, WrappingClock]:
+    """The column with stamps that go on where a clock of fewer bits wrapped; as it is where none did."""
+    if np.asarray(t[:1]).dtype.kind not in "iuf" or not _falls(t):
+        return t, WrappingClock()
+    for scale in (1, 10**6) if np.asarray(t[:1]).dtype.kind == "f" else (1,):
+        clock, path = WrappingClock(), request.scratch.path("t.unrolled", 8 * len(t))
+        with path.open("wb") as file:
+            for part in places_of(len(t), whole=True):
+                numbers = np.asarray(t[part])
+                if numbers.dtype.kind == "f":
+                    if not bool((np.abs(numbers) < LARGEST_STAMP / scale).all()):
+                        return t, WrappingClock()
+                    numbers = numbers.astype(np.float64) * scale
+                    if scale == 1 and bool((numbers != np.rint(numbers)).any()):
+                        break
+                    numbers = np.rint(numbers)
+                clock.unrolled(numbers.astype(np.int64)).tofile(file)
+            else:
+                if clock.turns:
+                    whole = np.memmap(path, np.int64, "r")
+                    return whole if scale == 1 else _Seconds(whole), clock
+    return t, WrappingClock()
+
+
+def _falls(t: Column) -> bool:
+    """Whether time runs back where it is looked at."""
+    before = -np.inf
     for part in places_of(len(t)):
         values = np.asarray(t[part])
-        if values.dtype.kind != "f":
-            break
-        has_fractions = has_fractions or bool((values != np.rint(values)).any())
-    if last < first and ends[0].dtype.kind in "iu":
-        last += 2.0**32  # a clock of 32 bits that wrapped; of anything else time runs back, which is told later
-    return Evidence(len(t), first, last, num_pixels, has_fractions)
+        if len(values) and (values[0] < before or bool((values[1:] < values[:-1]).any())):
+            return True
+        before = values[-1] if len(values) else before
+    return False
+
+
+def _evidence(t: Column, num_pixels: int) -> Evidence:
+    """The earliest and the latest stamp of those looked at: they need not be the first and the last."""
+    lowest, highest, has_fractions, is_fine = np.inf, -np.inf, False, False
+    for part in places_of(len(t)):
+        values = np.asarray(t[part])
+        if values.dtype.kind == "f":
+            values = values[np.isfinite(values)]
+            has_fractions = has_fractions or bool((values != np.rint(values)).any())
+            is_fine = is_fine or _is_finer_than_thousandths(values)
+        if len(values):
+            lowest, highest = min(lowest, float(values.min())), max(highest, float(values.max()))
+    if lowest > highest:
+        lowest = highest = 0.0
+    return Evidence(len(t), lowest, highest, num_pixels, has_fractions, is_fine)
+
+
+def _is_finer_than_thousandths(values: np.ndarray) -> bool:
+    scaled = values.astype(np.float64) * 1000
+    slack = np.spacing(np.abs(values)).astype(np.float64) * 2000 + 1e-6
+    return bool((np.abs(scaled - np.rint(scaled)) > slack).any())
 
 
 def _advise_on_resolution(t: Column, remarks: Remarks) -> None:
-    """Floats of 32 bits hold no late stamps: say how coarse they are there."""
+    """Floats of 32 bits hold no late stamps, those of 16 none at all: say how coarse they are at the end."""
     last = np.asarray(t[len(t) - 1 :])
-    if last.dtype != np.float32 or not np.isfinite(last[0]) or abs(float(last[0])) < _FLOAT32_LIMIT / 100:
+    if last.dtype not in _COARSE or not np.isfinite(last[0]) or abs(float(last[0])) < _COARSE[last.dtype]:
         return
     step = float(np.spacing(np.abs(last[0])))
     remarks.advise(
-        f"stamps are floats of 32 bits, which near {float(last[0]):.9g} resolve steps of {step:g} only; events closer "
-        "than that share a stamp: save them with 64 bits"
+        f"stamps are floats of {8 * last.dtype.itemsize} bits, which near {float(last[0]):.9g} resolve steps of "
+        f"{step:g} only; events closer than that share a stamp: save them with 64 bits"
     )
 
 

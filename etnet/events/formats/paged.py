@@ -15,7 +15,7 @@ from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.bounds import check_sensor
 from etnet.events.formats.columns import is_ordered
 from etnet.events.formats.decode import Collected, Decoded, collect, stated_sensor
-from etnet.events.formats.pixels import LARGEST_DEDUCED_SIDE, advise_on_pixels, deduced_sensor, pixel_column
+from etnet.events.formats.pixels import advise_on_pixels, deduced_sensor, pixel_column
 from etnet.events.formats.polarity import Coding, signed_polarity
 from etnet.events.formats.stamp_index import StampIndex
 from etnet.events.formats.survey import Survey
@@ -124,13 +124,13 @@ def _is_easily_mended(survey: Survey) -> bool:
 
 def _sensor_of(survey: Survey, declared: Sensor | None, is_all: bool, request: Request, remarks: Remarks) -> Sensor:
     sensor, reach = stated_sensor(request, declared, remarks), survey.reach
-    is_too_far = max(reach.high_x, reach.high_y) >= LARGEST_DEDUCED_SIDE if sensor is None else survey.has_strays
+    is_too_far = reach.num_far > 0 if sensor is None else survey.has_strays
     if request.assume.pixels == "whole" and is_too_far and reach.is_fixed_point:
         raise RecordingError(f"{request.name}: {reach.fixed_point_fault()}")
     survey.check_strays()
     if sensor is None:
         where = "the events" if is_all else "the events looked at"
-        sensor = deduced_sensor(reach.high_x, reach.high_y, request.name, remarks, where)
+        sensor = deduced_sensor(*reach.on_sensor, request.name, remarks, where)
         check_sensor(sensor, request.name, request.assume.max_pixels)
         if request.assume.pixels == "whole":
             advise_on_pixels(reach, sensor, remarks)

@@ -25,7 +25,7 @@ from etnet.events.formats.frames import Frames
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
-_LISTS = re.compile(r"^(images?|frames?|(images?_|frames?_|rgb_)?(time_?)?stamps?|(images?|frames?)_ts)\.(txt|csv)$")
+_LISTS = re.compile(r"^((images?|frames?|pictures?|rgb|aps|img)?_?(list|ts|times?|(time_?)?stamps?)?)\.(txt|csv)$")
 _NO_PICTURES = ("flow", "depth", "mask", "label", "disparity", "visual", "plot")
 _FEWEST_DIGITS = 10
 """Of a picture's name that is its stamp; a number that counts pictures is shorter."""

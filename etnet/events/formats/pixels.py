@@ -31,6 +31,9 @@ LARGEST_DEDUCED_SIDE = 4096
 FIXED_POINT = 32
 """Parts of a pixel that BS-ERGB's coordinates count."""
 
+FEW = 0.01
+"""The share of events beyond the sensor up to which they count as strays; if there are more, the size is wrong."""
+
 _FEWEST_FIXED = 64
 """Events from which on it is no chance that all coordinates are multiples of 32."""
 
@@ -109,6 +112,11 @@ def _check_whole(values: Shaped[np.ndarray, " n"], axis: str, name: str) -> None
         )
 
 
+def is_far(x: UInt16[np.ndarray, " n"], y: UInt16[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Which events lie farther out than on any sensor."""
+    return (x >= LARGEST_DEDUCED_SIDE) | (y >= LARGEST_DEDUCED_SIDE)
+
+
 @dataclass
 class Reach:
     """How far the events go that lie somewhere, and whether all of their coordinates are multiples of 32."""
@@ -119,6 +127,10 @@ class Reach:
     high_y: int = -1
     num_events: int = 0
     num_odd: int = 0
+    near_x: int = -1
+    near_y: int = -1
+    num_far: int = 0
+    """Events farther out than on any sensor; `near_x` and `near_y` are how far the others go."""
 
     def look(self, x: UInt16[np.ndarray, " n"], y: UInt16[np.ndarray, " n"]) -> None:
         """Take in a piece."""
@@ -126,9 +138,29 @@ class Reach:
             return
         self.low_x, self.high_x = min(self.low_x, int(x.min())), max(self.high_x, int(x.max()))
         self.low_y, self.high_y = min(self.low_y, int(y.min())), max(self.high_y, int(y.max()))
+        if max(self.high_x, self.high_y) < LARGEST_DEDUCED_SIDE:
+            self.near_x, self.near_y = self.high_x, self.high_y
+        else:
+            self._look_near(x, y)
         if self.num_odd <= 0.01 * self.num_events:  # enough were seen as soon as they are not few
             self.num_odd += int(np.count_nonzero((x | y) & (FIXED_POINT - 1)))
         self.num_events += len(x)
+
+    def _look_near(self, x: UInt16[np.ndarray, " n"], y: UInt16[np.ndarray, " n"]) -> None:
+        is_near = ~is_far(x, y)
+        self.num_far += len(x) - int(np.count_nonzero(is_near))
+        if is_near.any():
+            self.near_x, self.near_y = max(self.near_x, int(x[is_near].max())), max(self.near_y, int(y[is_near].max()))
+
+    @property
+    def has_few_far(self) -> bool:
+        """Whether some events, but no more than strays are, lie farther out than on any sensor."""
+        return 0 < self.num_far <= FEW * self.num_events
+
+    @property
+    def on_sensor(self) -> tuple[int, int]:
+        """How far the events go, without a few that can be on no sensor."""
+        return (self.near_x, self.near_y) if self.has_few_far else (self.high_x, self.high_y)
 
     @property
     def is_fixed_point(self) -> bool:
@@ -190,6 +222,24 @@ def advise_on_pixels(reach: Reach, sensor: Sensor, remarks: Remarks) -> None:
             f"the events fill {sensor}, a {model} ({width}×{height}) on its side: x and y may be swapped; "
             "--flip vertical --rotate 90 swaps them"
         )
+
+
+def odd_pixels(reach: Reach, sensor: Sensor) -> str:
+    """Why events lie beyond a sensor of known size, and what to do; "" where nothing tells."""
+    width, height = sensor.width, sensor.height
+    if reach.num_events < _FEWEST_FIXED:
+        return ""
+    if (reach.low_x, reach.low_y) == (1, 1) and reach.high_x <= width and reach.high_y <= height:
+        return (
+            f"no event lies in row or column 0 and they reach ({reach.high_x}, {reach.high_y}): pixels seem to count "
+            "from 1; open it with --pixels from1"
+        )
+    if reach.high_x < height and width > reach.high_y >= height:
+        return (
+            f"x and y may be swapped, for the events fit {height}×{width}: --assume width={height},height={width} "
+            "--flip vertical --rotate 90 swaps them"
+        )
+    return ""
 
 
 def _known(reach_x: int, reach_y: int) -> tuple[int, int, str] | None:

@@ -1,4 +1,4 @@
-"""How a file writes polarity: 0/1, −1/+1, booleans, 1/2, or −1 that was cast to a type without a sign."""
+"""How a file writes polarity: 0/1, −1/+1, booleans, 1/2, 0/255, or −1 that was cast to a type without a sign."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Coding(NamedTuple):
 
 def unusual_coding(low: float, high: float) -> Coding | None:
     """Of a file whose polarities run from `low` to `high`: what they mean, if that is certain and not 0/1 or −1/+1."""
-    if (low, high) == (1, 2):
-        return Coding(on=2, off=1)
+    if (low, high) in ((1, 2), (0, 255)):
+        return Coding(on=int(high), off=int(low))
     if high in _CAST and (low == 1 or (low == high and high > 255)):
         return Coding(on=1, off=int(high))
     return None
@@ -92,7 +92,7 @@ def say_coding(lowest: float, is_bool: bool, remarks: Remarks) -> None:
 
 def say_unusual(coding: Coding, remarks: Remarks) -> None:
     """The same for one that had to be recognised."""
-    if coding.on == 2:
-        remarks.repaired("polarity 1/2 was read as OFF/ON")
+    if coding.on > 1:
+        remarks.repaired(f"polarity {coding.off}/{coding.on} was read as OFF/ON")
     else:
         remarks.repaired(f"polarity {coding.off} was read as −1, OFF: a −1 that was stored without its sign")

@@ -10,7 +10,7 @@ from etnet.events.formats.arrays.chunks import CHUNKS
 from etnet.events.formats.arrays.matlab import MATLAB_V5, MATLAB_V73
 from etnet.events.formats.arrays.npy import EVREAL, NPY, NPZ
 from etnet.events.formats.base import Format, Opened, Request, contained
-from etnet.events.formats.companions import folder_format
+from etnet.events.formats.companions import folder_formats
 from etnet.events.formats.compressed import packed_formats
 from etnet.events.formats.event_stream import EVENT_STREAM
 from etnet.events.formats.foreign import what_else
@@ -68,4 +68,6 @@ def _open_inner(request: Request) -> Opened:
 
 _SINGLE = tuple(entry for entry in _PLAIN if entry not in (EVREAL, ROS2_FOLDER, CHUNKS, TEXT_STORE))
 
-FORMATS: tuple[Format, ...] = (*_PLAIN, *packed_formats(_open_inner), folder_format(_SINGLE))
+_MIXED, _FOLDER = folder_formats(_SINGLE, TEXT_STORE.recognises)
+
+FORMATS: tuple[Format, ...] = (_MIXED, *_PLAIN, *packed_formats(_open_inner), _FOLDER)

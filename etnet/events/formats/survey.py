@@ -9,10 +9,11 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.columns import is_ordered
-from etnet.events.formats.decode import FEW, Decoded
-from etnet.events.formats.pixels import Reach, placed
+from etnet.events.formats.decode import Decoded
+from etnet.events.formats.pixels import FEW, Reach, odd_pixels, placed
 from etnet.events.formats.polarity import Coding, say_coding, say_unusual, signed_polarity, unusual_coding
-from etnet.events.formats.stamp_order import StampOrder, turns_in
+from etnet.events.formats.stamp_order import StampOrder
+from etnet.events.formats.wrapping_clock import WrappingClock
 
 
 class Survey:
@@ -23,7 +24,7 @@ class Survey:
         self._sensor = sensor
         self.order = StampOrder()
         self.reach = Reach()
-        self.is_turning = False
+        self._clock = WrappingClock()
         self._num_events = 0
         self._num_strays = 0
         self._first_stray = ""
@@ -50,10 +51,14 @@ class Survey:
         if len(t) == 0:
             return
         whole = t.astype(np.int64, copy=False)
-        ordered, before = is_ordered(whole), self.order.last
-        if not ordered or (before is not None and int(whole[0]) < before):
-            self.is_turning = self.is_turning or len(turns_in(whole, before)) > 0
+        ordered = is_ordered(whole)
+        self._clock.unrolled(whole, ordered)
         self.order.look(whole, start, ordered)
+
+    @property
+    def is_turning(self) -> bool:
+        """Whether the clock wraps."""
+        return self._clock.turns > 0
 
     def look_at_polarity(self, values: Shaped[np.ndarray, " n"]) -> None:
         """Take in polarities."""
@@ -69,7 +74,7 @@ class Survey:
     @property
     def has_few_strays(self) -> bool:
         """Whether some events lie beyond the sensor or nowhere, but no more than strays are."""
-        return 0 < self._num_strays <= FEW * self._num_events
+        return 0 < self._num_strays <= FEW * self._num_events or (self._sensor is None and self.reach.has_few_far)
 
     @property
     def has_strays(self) -> bool:
@@ -85,9 +90,11 @@ class Survey:
         """An error if events lie where no pixel is."""
         if self._num_strays:
             beyond = "no pixel" if self._sensor is None else f"beyond {self._sensor}"
+            odd = "" if self._sensor is None else odd_pixels(self.reach, self._sensor)
             raise RecordingError(
                 f"{self._request.name}: {self._first_stray}, {beyond}, and so are {self._num_strays:,} of "
                 f"{self._num_events:,}; state the size with --assume width=…,height=… or open it with --drop-outside"
+                f"{odd and f'; {odd}'}"
             )
 
     def check_polarity(self, remarks: Remarks) -> None:

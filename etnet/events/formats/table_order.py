@@ -11,25 +11,41 @@ _USUAL = ("txyp", "xytp", "xypt")
 """Orders that people write; where values leave a choice, the first that fits is taken."""
 
 
+_MOSTLY = 0.9
+"""Share of steps in one direction from which on a column is a clock out of order; of pixels half go each way."""
+
+
 def table_order(sample: Shaped[np.ndarray, "n 4"], name_is_events: bool = True) -> str | None:
     """The order, such as "txyp", of which x comes before y; None where these are no events.
 
-    `name_is_events`: the table is called so; then it is taken for events also where its values are odd.
+    `sample`: rows in the order of the file. `name_is_events`: the table is called so; then it is taken for events also
+    where its values are odd.
     """
     columns = [sample[:, i] for i in range(4)]
     if len(sample) == 0:
         return "txyp" if name_is_events else None
     signs = [i for i in range(4) if is_polarity(columns[i])]
-    times = [i for i in range(4) if _is_time(columns[i])]
-    fitting = [
-        order
-        for order in (*_USUAL, *_others())
-        if order.index("p") in signs and order.index("t") in times and _are_pixels(columns, order)
-    ]
+    times = [i for i in range(4) if _is_ordered(columns[i])]
+    fitting = _fitting(columns, signs, times)
+    if not fitting and name_is_events:
+        fitting = _fitting(columns, signs, [i for i in range(4) if _is_mostly_ordered(columns[i])])
+    if not fitting and name_is_events:
+        fractions = [i for i in range(4) if not _is_whole(columns[i])]
+        farthest = max((i for i in range(4) if i not in signs), key=lambda i: _range(columns[i]), default=0)
+        fitting = _fitting(columns, signs, fractions if len(fractions) == 1 else [farthest])
     if fitting:
         latest = max(_range(columns[order.index("t")]) for order in fitting)
         return next(order for order in fitting if _range(columns[order.index("t")]) == latest)
     return _by_size(columns) if name_is_events else None
+
+
+def _fitting(columns: list[np.ndarray], signs: list[int], times: list[int]) -> list[str]:
+    """Orders with polarity and time in one of these columns, and pixels in the others."""
+    return [
+        order
+        for order in (*_USUAL, *_others())
+        if order.index("p") in signs and order.index("t") in times and _are_pixels(columns, order)
+    ]
 
 
 def is_polarity(values: Shaped[np.ndarray, " n"]) -> bool:
@@ -54,8 +70,14 @@ def _others() -> list[str]:
     return found
 
 
-def _is_time(values: Shaped[np.ndarray, " n"]) -> bool:
+def _is_ordered(values: Shaped[np.ndarray, " n"]) -> bool:
     return bool((values[1:] >= values[:-1]).all())
+
+
+def _is_mostly_ordered(values: Shaped[np.ndarray, " n"]) -> bool:
+    """Also of a clock that wraps, or of rows from last to first."""
+    num_up, num_down = np.count_nonzero(values[1:] > values[:-1]), np.count_nonzero(values[1:] < values[:-1])
+    return bool(max(num_up, num_down) > _MOSTLY * max(1, num_up + num_down))
 
 
 def _are_pixels(columns: list[np.ndarray], order: str) -> bool:
@@ -68,11 +90,11 @@ def _is_whole(values: Shaped[np.ndarray, " n"]) -> bool:
 
 def _range(values: Shaped[np.ndarray, " n"]) -> float:
     """How far it goes; fractions make it a time whatever else is in order."""
-    return float(values[-1]) - float(values[0]) if _is_whole(values) else np.inf
+    return float(values.max()) - float(values.min()) if _is_whole(values) else np.inf
 
 
 def _by_size(columns: list[np.ndarray]) -> str:
-    """Time is out of order, or polarity odd: p is the last column, t has fractions or the largest numbers."""
+    """Polarity is odd: p is the last column, t has fractions or the largest numbers."""
     has_fractions = [i for i in (0, 2) if not _is_whole(columns[i])]
     if len(has_fractions) == 1:
         return "txyp" if has_fractions == [0] else "xytp"

@@ -26,10 +26,16 @@ LEAST_RATE = 1e-3
 MOST_RATE = 1e3
 """The same at the other end; a readout of 10⁹ events a second is as much."""
 
+_BUSY_RATE, _BUSY = 1e2, 1e7
+"""Events per pixel and second, and events a second, that together no scene gives for all of a recording."""
+
 _ENOUGH = 100
 """Events from which on a rate says something."""
 
 _USUAL_RATE = 3.0
+_SHORTEST = 0.01
+"""Seconds below which it is doubtful that somebody kept a recording."""
+
 _DOUBT = {"us": 0.0, "ms": 1.0, "ns": 1.0, "s": 1.0}
 """How much rarer than µs a unit is, in powers of ten by which its rate must fit better."""
 
@@ -46,6 +52,8 @@ class Evidence:
     last: float
     num_pixels: int
     has_fractions: bool
+    is_fine: bool = True
+    """Whether any has more than three digits after the point; those of ms that count µs have not."""
 
     def seconds(self, unit: TimeUnit) -> float:
         """How long it lasts if stamps count `unit`."""
@@ -59,8 +67,8 @@ class Evidence:
         """Whether a camera could have made it. Of very few events, or of one stamp only, nothing can be said."""
         if self.seconds(unit) <= 0:
             return True
-        # Seconds with fractions are seldom anything else: less is held against them.
-        least = LEAST_RATE / 10 if unit == "s" and self.has_fractions else LEAST_RATE
+        # Seconds with fractions of µs are seldom anything else: less is held against them.
+        least = LEAST_RATE / 10 if unit == "s" and self.has_fractions and self.is_fine else LEAST_RATE
         return self.seconds(unit) <= LONGEST and (self.num_events < _ENOUGH or self.rate(unit) >= least)
 
     def said(self, unit: TimeUnit) -> str:
@@ -81,6 +89,8 @@ def judged_unit(
         return assume.time_unit
     first, why = (usual, f"{layout} does") if usual is not None else _by_kind(evidence)
     unit = first if evidence.is_possible(first) else _other(evidence, first)
+    if unit == first and usual is None:
+        unit = _slower(evidence, first)
     if unit is not None and unit != first:
         remarks.assumed(
             f"time unit {unit}: in {first}, because {why}, the timestamps would be {evidence.said(first)}; "
@@ -105,6 +115,15 @@ def _by_kind(evidence: Evidence) -> tuple[TimeUnit, str]:
     return "us", "they are whole numbers"
 
 
+def _slower(evidence: Evidence, first: TimeUnit) -> TimeUnit:
+    """`first`, unless it gives more than a scene does and ms give what one does; or they are ms since 1970."""
+    if first != "us" or evidence.num_events < _ENOUGH or not evidence.is_possible("ms"):
+        return first
+    is_busy = evidence.rate("us") > _BUSY_RATE and evidence.rate("us") * evidence.num_pixels > _BUSY
+    is_odd = is_busy or _is_epoch(evidence, PER_SECOND["ms"])
+    return "ms" if is_odd and _oddness(evidence, "ms") < _oddness(evidence, "us") else first
+
+
 def _is_epoch(evidence: Evidence, per_second: int) -> bool:
     return all(_EPOCH[0] * per_second <= stamp <= _EPOCH[1] * per_second for stamp in (evidence.first, evidence.last))
 
@@ -122,4 +141,12 @@ def _other(evidence: Evidence, first: TimeUnit) -> TimeUnit | None:
 
 
 def _misfit(evidence: Evidence, unit: TimeUnit) -> float:
-    return abs(math.log10(evidence.rate(unit) / _USUAL_RATE)) + _DOUBT[unit]
+    # Three digits after the point are those of µs in ms.
+    doubt = -1.0 if unit == "ms" and evidence.has_fractions and not evidence.is_fine else _DOUBT[unit]
+    return _oddness(evidence, unit) + doubt
+
+
+def _oddness(evidence: Evidence, unit: TimeUnit) -> float:
+    """Powers of ten between its rate and a camera's, and between its length and the shortest that people keep."""
+    too_short = math.log10(max(1.0, _SHORTEST / max(evidence.seconds(unit), 1e-12)))
+    return abs(math.log10(evidence.rate(unit) / _USUAL_RATE)) + too_short

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from etnet.errors import RecordingError
 from etnet.events.formats import paged
-from etnet.events.formats.stamp_order import PERIOD, Clock32, StampOrder
+from etnet.events.formats.stamp_order import StampOrder
+from etnet.events.formats.wrapping_clock import PERIOD, WrappingClock
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events
 from tests.strategies import make_events
@@ -34,7 +35,7 @@ def save(path, t):
 )
 def test_a_clock_of_32_bits_goes_on_however_its_stamps_are_cut_into_pieces(start, steps, cuts):
     t = start + np.cumsum([0, *steps])
-    clock, found = Clock32(), []
+    clock, found = WrappingClock(), []
     for piece in np.split((t % PERIOD).astype(np.int64), sorted(cuts)):
         found.append(clock.unrolled(piece))
     np.testing.assert_array_equal(np.concatenate(found), t - start // PERIOD * PERIOD)

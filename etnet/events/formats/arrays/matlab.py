@@ -15,7 +15,7 @@ from etnet.errors import RecordingError
 from etnet.events.formats.arrays import matlab_child
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import FREE_SIZE, MAX_RATIO
-from etnet.events.formats.column_finder import Found, find_events, paths_in, words_of
+from etnet.events.formats.column_finder import Found, called, find_events
 from etnet.events.formats.hdf5.file import open_file
 from etnet.events.formats.hdf5.tree import check_columns, outline, tree_of
 from etnet.events.formats.open_columns import Table, open_table
@@ -37,6 +37,8 @@ def _open_v5(request: Request) -> Opened:
     remarks = Remarks()
     if told["where"]:
         remarks.detected(f"events in the {'matrix' if told['order'] else 'struct'} {told['where']}")
+    for said in told["said"]:
+        remarks.detected(said)
     _say_others(told["others"], remarks)
     with contained(request.name, "the MATLAB file"):
         columns = {axis: np.load(folder / f"{axis}.npy", mmap_mode="r", allow_pickle=False) for axis in "xytp"}
@@ -77,10 +79,9 @@ def _without_columns(request: Request, there: str) -> RecordingError:
 
 
 def _say_others(others: list[str], remarks: Remarks) -> None:
-    """Structs that are no change events. EM, of ATIS cameras, has pairs of moments that measure grey levels."""
+    """Structs that are no change events."""
     for name in others:
-        what = " (exposure measurements, whose polarity is no change)" if words_of(name)[0] == "em" else ""
-        remarks.detected(f"the struct {name}{what} was left out")
+        remarks.detected(f"the struct {called(name)} was left out")
 
 
 def _open_v73(request: Request) -> Opened:
@@ -91,7 +92,7 @@ def _open_v73(request: Request) -> Opened:
         found = find_events(tree, remarks)
         if found is None:
             raise _without_columns(request, outline(file))
-        check_columns(file, paths_in(tree, found), request.name)
+        check_columns(file, set(found.paths), request.name)
     return _open_found(request, "MATLAB v7.3", found, remarks)
 
 

@@ -2,7 +2,8 @@
 
 Run as `python -P -m etnet.events.formats.arrays.matlab_child FILE.mat FOLDER BYTES`; FOLDER gets x.npy, y.npy, t.npy
 and p.npy, and standard output a line of JSON: the struct or matrix that holds them ("" at the top, null if none does),
-all variables, the order of a matrix's columns, the unit in the name of t, and the structs that were left out.
+all variables, the order of a matrix's columns, the unit in the name of t, the structs that were left out, and what
+else was said.
 The file may unpack to BYTES. Exit code 1, with one line on standard error, for what cannot be read.
 """
 
@@ -57,18 +58,18 @@ def struct_tree(source: str, name: str) -> dict[str, Leaf]:
     return tree
 
 
-def find_columns(source: str) -> tuple[Found | None, list[str], list[str]]:
+def find_columns(source: str, remarks: Remarks) -> tuple[Found | None, list[str], list[str]]:
     """The events, what all variables are called, and which of the structs were left out unread."""
     import scipy.io
 
     variables = scipy.io.whosmat(source)
     names = [name for name, _, _ in variables]
     structs = sorted((name for name, _, kind in variables if kind == "struct"), key=rank_of)
-    found = find_events(top_tree(source, variables), Remarks())
+    found = find_events(top_tree(source, variables), remarks)
     for i, name in enumerate(structs):
         if found is not None:
             return found, names, structs[i:]
-        found = find_events(struct_tree(source, name), Remarks())
+        found = find_events(struct_tree(source, name), remarks)
         if found is not None:
             return found, names, structs[:i] + structs[i + 1 :]
     return found, names, []
@@ -76,12 +77,16 @@ def find_columns(source: str) -> tuple[Found | None, list[str], list[str]]:
 
 def copy_columns(source: str, folder: Path) -> dict[str, Any]:
     """Write the four columns; what is to be told of it."""
-    found, names, others = find_columns(source)
+    remarks = Remarks()
+    found, names, others = find_columns(source, remarks)
     if found is None:
         return {"where": None, "variables": names}
     for axis, column in found.columns.items():
         np.save(folder / f"{axis}.npy", np.ascontiguousarray(column[: len(column)]))
-    return {"where": found.where, "variables": names, "order": found.order, "unit": found.unit, "others": others}
+    # Where the events are is told of itself.
+    said = [remark.text for remark in remarks.kept if "events are in" not in remark.text]
+    told = {"order": found.order, "unit": found.unit, "others": others, "said": said}
+    return {"where": found.where, "variables": names, **told}
 
 
 def limit_memory(unpacked: int) -> None:

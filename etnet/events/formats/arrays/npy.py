@@ -18,9 +18,11 @@ from etnet.events.formats.archive import FolderStore, Store, ZipStore, read_smal
 from etnet.events.formats.arrays.leaves import MAGIC, PICKLED, header_of, is_pickled, leaves_of, load_foreign, mapped
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import ANY_PIXELS, check_pixels, declared_sensor
-from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events
+from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events, rank_of
 from etnet.events.formats.column_names import column_keys
 from etnet.events.formats.declared_size import size_beside
+from etnet.events.formats.foreign import listed
+from etnet.events.formats.frame_range import is_colours_first
 from etnet.events.formats.frames import Frames, check_frames, found_frames
 from etnet.events.formats.open_columns import Table, open_table
 
@@ -40,6 +42,12 @@ def found_in(tree: Tree, what: str, name: str, remarks: Remarks) -> Found:
     for leaf in tree.values():
         if leaf.dtype.names is not None and len(_BOX_FIELDS & set(leaf.dtype.names)) >= 2:
             raise RecordingError(f"{name}: these are boxes (labels), not events; open the recording beside it")
+    keys = column_keys(tree)
+    odd = [key for key in (keys or {}).values() if not tree[key].is_numbers]
+    if odd:
+        raise RecordingError(
+            f"{name}: its array {odd[0]} is of type {tree[odd[0]].dtype}; numbers are wanted there: save it as such"
+        )
     said = ", ".join(f"{path or 'an array'} {_kind(leaf)}" for path, leaf in list(tree.items())[:8])
     raise RecordingError(
         f"{name}: {what} with {said or 'nothing'}; wanted x, y, t and p as columns or fields, or an n × 4 table"
@@ -83,23 +91,37 @@ def holds_events(request: Request) -> bool:
     return find_events(tree, Remarks()) is not None
 
 
-def folder_prefix(members: tuple[str, ...]) -> str | None:
-    """The folder, as "a/b/" or "", whose npy files are the columns; None where there is none."""
+def folder_prefixes(members: tuple[str, ...]) -> list[str]:
+    """The folders, as "a/b/" or "", whose npy files are columns; those of a left camera before those of a right one."""
     groups: dict[str, list[str]] = {}
     for member in members:
         folder, slash, last = member.rpartition("/")
         if last.lower().endswith(".npy"):
             groups.setdefault(folder + slash, []).append(last[: -len(".npy")])
-    for prefix in sorted(groups):
-        if column_keys(groups[prefix]) is not None or "events_ts" in groups[prefix]:
-            return prefix
-    return None
+    found = [
+        prefix
+        for prefix, names in groups.items()
+        if column_keys([name.lower() for name in names]) is not None or "events_ts" in names
+    ]
+    return sorted(found, key=rank_of)
+
+
+def _chosen_folder(request: Request, remarks: Remarks) -> str:
+    """The one with the recording; an error that names them where there are several that are not left and right."""
+    prefixes = folder_prefixes(request.members)
+    left = [prefix for prefix in prefixes if not rank_of(prefix)[2]]
+    if len(prefixes) > 1 and len(left) != 1:
+        raise RecordingError(f"{request.name}: holds {listed([path or 'the top' for path in prefixes])}; name one")
+    others = [prefix for prefix in prefixes if prefix != prefixes[0]]
+    if others:
+        remarks.detected(f"the recording is in {prefixes[0]}; of another camera, and not shown: {listed(others)}")
+    return prefixes[0]
 
 
 def _open_folder(request: Request) -> Opened:
     remarks = Remarks()
     store: Store = FolderStore(request.path) if request.path.is_dir() else ZipStore(request.path, request.resources)
-    prefix = folder_prefix(request.members) or ""
+    prefix = _chosen_folder(request, remarks)
     is_evreal = f"{prefix}events_ts.npy" in request.members
     kind = "EVREAL npy folder" if is_evreal else "npy folder"
     for part in ("xy", "p") if is_evreal else ():
@@ -130,7 +152,8 @@ def _folder_frames(tree: Tree, request: Request) -> Frames | None:
     if pictures.ndim not in (3, 4) or len(pictures) != len(stamps):
         raise RecordingError(f"images.npy is {pictures.dtype} {pictures.shape} for {len(stamps)} stamps")
     check_pixels(pictures.shape[1:], f"{request.name}: images.npy", request.assume.max_pixels)
-    size = Sensor(int(pictures.shape[2]), int(pictures.shape[1]))
+    height, width = pictures.shape[2:] if is_colours_first(pictures.shape[1:]) else pictures.shape[1:3]
+    size = Sensor(int(width), int(height))
     return Frames(stamps, "s", lambda index: np.asarray(pictures[index]), size)
 
 
@@ -150,7 +173,7 @@ def _is_npz(request: Request) -> bool:
 
 
 def _is_folder(request: Request) -> bool:
-    return folder_prefix(request.members) is not None and not (request.suffix == ".npz" and _is_npz(request))
+    return bool(folder_prefixes(request.members)) and not (request.suffix == ".npz" and _is_npz(request))
 
 
 NPY = Format("npy", (".npy",), lambda request: request.head[:6] == MAGIC, _open_npy, holds_events=holds_events)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from threading import Lock
 
 import h5py
@@ -16,6 +17,7 @@ from etnet.events.formats.bounds import check_pixels
 from etnet.events.formats.column_finder import Tree, words_of
 from etnet.events.formats.column_names import named_axis
 from etnet.events.formats.columns import stamps_in_microseconds
+from etnet.events.formats.frame_range import is_colours_first
 from etnet.events.formats.frames import Frames, ReadFlow, check_frames
 from etnet.events.formats.hdf5.file import dataset, find
 
@@ -27,7 +29,7 @@ _STAMP_ENDINGS = ("_ts", "_timestamps", "_timestamp", "_t", "_time", "_times")
 def numbered_frames(file: h5py.File, name: str, max_pixels: int, remarks: Remarks) -> Frames | None:
     """event_utils' images/image000000000 …, each with its `timestamp`; flow/flow000000000 … where there is."""
     images, stamps = _numbered(file, "images", name)
-    there = len(_members(file, "images", name))
+    there = sum(any(letter.isdigit() for letter in member) for member in _members(file, "images", name))
     if there > len(images):
         remarks.repaired(f"{there - len(images)} of {there} images have no attribute timestamp and were left out")
     if not images:
@@ -72,15 +74,25 @@ def stacked_frames(file: h5py.File, path: str, stamps_path: str, name: str, max_
 def stacked_pair(tree: Tree) -> tuple[str, str] | None:
     """The dataset of pictures, left before right, and the one of their stamps; None where there is no such pair."""
     found = []
+    for path, is_picture in _stacks(tree):
+        stamps = _stamps_of(tree, path, tree[path].shape[0])
+        if stamps is not None:
+            found.append((not is_picture, "right" in words_of(path), path, stamps))
+    return min(found)[2:] if found else None
+
+
+def stack_without_stamps(tree: Tree) -> str | None:
+    """A dataset that is called like pictures and has their shape."""
+    return next((path for path, is_picture in _stacks(tree) if is_picture), None)
+
+
+def _stacks(tree: Tree) -> Iterator[tuple[str, bool]]:
+    """Datasets with the shape of many pictures, and whether they are called so."""
     for path, leaf in tree.items():
         words = words_of(path)
-        if len(leaf.shape) not in (3, 4) or leaf.dtype.kind not in "iuf" or any(word in _NO_PICTURES for word in words):
-            continue
-        stamps = _stamps_of(tree, path, leaf.shape[0])
-        if stamps is not None:
-            is_picture = any(word in _PICTURE_WORDS for word in words)
-            found.append((not is_picture, "right" in words, path, stamps))
-    return min(found)[2:] if found else None
+        is_like = len(leaf.shape) in (3, 4) and leaf.shape[0] > 1 and leaf.dtype.kind in "iuf"
+        if is_like and not any(word in _NO_PICTURES for word in words):
+            yield path, any(word in _PICTURE_WORDS for word in words)
 
 
 def _stamps_of(tree: Tree, path: str, count: int) -> str | None:
@@ -95,9 +107,11 @@ def _stamps_of(tree: Tree, path: str, count: int) -> str | None:
 
 
 def _size(shape: tuple[int, ...], where: str, max_pixels: int) -> Sensor:
-    if len(shape) not in (2, 3) or 0 in shape or max(shape[:2]) > 65_536:
+    if len(shape) not in (2, 3) or 0 in shape or max(shape) > 65_536:
         raise RecordingError(f"{where} has the shape {shape}; wanted a picture")
     check_pixels(shape, where, max_pixels)
+    if is_colours_first(shape):
+        return Sensor(int(shape[2]), int(shape[1]))
     return Sensor(int(shape[1]), int(shape[0]))
 
 

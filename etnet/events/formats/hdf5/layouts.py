@@ -12,11 +12,12 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.column_finder import Columns, Field, Found, Rows, Tree, find_events, paths_in
+from etnet.events.formats.column_finder import Columns, Found, Tree, find_events
+from etnet.events.formats.column_views import Field, Rows
 from etnet.events.formats.declared_size import sensor_resolution, size_beside
 from etnet.events.formats.frames import Frames, found_frames
 from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, say_unread
-from etnet.events.formats.hdf5.frames import numbered_frames, stacked_frames, stacked_pair
+from etnet.events.formats.hdf5.frames import numbered_frames, stack_without_stamps, stacked_frames, stacked_pair
 from etnet.events.formats.hdf5.metavision import open_metavision
 from etnet.events.formats.hdf5.tree import attributes_of, check_columns, outline, tree_of
 from etnet.events.formats.open_columns import Table, open_table
@@ -90,7 +91,7 @@ def _open_found(request: Request, file: h5py.File) -> Opened:
         )
     if found.order:
         remarks.assumed(f"the four columns of {found.where} are {', '.join(found.order)}, judged by their values")
-    check_columns(file, paths_in(tree, found), request.name)
+    check_columns(file, set(found.paths), request.name)
     is_dsec = _has(file, "ms_to_idx", request)
     offset = _offset(file, request) if _has(file, "t_offset", request) else 0
     kind = "DSEC HDF5" if is_dsec else _kind(found, file, request)
@@ -134,6 +135,10 @@ def _frames(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> 
     numbered = found_frames(lambda: numbered_frames(file, name, most, remarks), name, remarks)
     pair = stacked_pair(tree) if numbered is None else None
     if pair is None:
+        left = stack_without_stamps(tree) if numbered is None else None
+        if left is not None:
+            shape = "×".join(map(str, tree[left].shape))
+            remarks.detected(f"pictures in {left} ({shape}) have no stamps beside them, such as {left}_ts: not shown")
         return numbered
     remarks.detected(f"frames are in {pair[0]}, their stamps in {pair[1]}")
     return found_frames(lambda: stacked_frames(file, *pair, name, most), name, remarks)

@@ -28,6 +28,9 @@ _COMMENTS = (b"#", b"%", b"//")
 _GEOMETRY = re.compile(
     rb"(?:geometry|resolution|sensor[ _]?size|width)\s*[:=]\s*(\d{1,5})\D{1,12}(\d{1,5})", re.IGNORECASE
 )
+_SIDE = re.compile(rb"\b(width|height)\s*[:=]\s*(\d{1,5})\s*$", re.IGNORECASE)
+"""One side of the sensor alone on a line."""
+
 _LARGEST_COLUMNS = 64
 
 
@@ -49,7 +52,9 @@ def looks_like_events(head: bytes) -> bool:
         start = _start(head, "head")
     except RecordingError:
         return False
-    return start is not None and (bool(start.names) or start.columns.count == 4)
+    if start is None or start.names:
+        return start is not None
+    return start.columns.count == 4 and (not start.sample or table_order(_numbers(start), False) is not None)
 
 
 def looks_like_rows(head: bytes) -> bool:
@@ -94,7 +99,7 @@ def _named(start: Layout, remarks: Remarks, stated: TimeUnit | None) -> tuple[La
 
 
 def _unnamed(start: Layout, name: str, remarks: Remarks, stated: TimeUnit | None) -> tuple[Layout, TimeUnit | None]:
-    rows = np.array([[float(token) for token in row] for row in start.sample])
+    rows = _numbers(start)
     order = table_order(rows) if len(rows) else "txyp"
     assert order is not None
     if order != "txyp":
@@ -107,6 +112,10 @@ def _unnamed(start: Layout, name: str, remarks: Remarks, stated: TimeUnit | None
     t, x, y, p = (order.index(axis) for axis in "txyp")
     columns = Columns(t, x, y, p, 4, "s", start.columns.decimal_comma)
     return _counting(start, columns, stated), stated
+
+
+def _numbers(start: Layout) -> np.ndarray:
+    return np.array([[float(token) for token in row] for row in start.sample])
 
 
 def _counting(start: Layout, columns: Columns, unit: TimeUnit | None) -> Layout:
@@ -123,14 +132,13 @@ def _start(head: bytes, name: str) -> Layout | None:
     consumed = len(BYTE_ORDER_MARK) if head.startswith(BYTE_ORDER_MARK) else 0
     sensor: Sensor | None = None
     names: tuple[str, ...] = ()
-    for line in head[consumed:].splitlines(keepends=True):
+    sides: dict[bytes, int] = {}
+    for number, line in enumerate(head[consumed:].splitlines(keepends=True), 1):
         words = line.strip()
         if not words or words.startswith(_COMMENTS):
-            geometry = _GEOMETRY.search(words)
-            if geometry is not None:
-                sensor = declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
+            sensor = _declared(words, sides, name) or sensor
             names = _names_in(words.lstrip(b"#%/ !")) or names
-        else:
+        elif not words.lower().startswith(b"sep="):  # which Excel writes and reads
             has_comma = _has_decimal_comma(words)
             row = plain_row(words, has_comma).split()
             if _are_values(row):
@@ -140,13 +148,33 @@ def _start(head: bytes, name: str) -> Layout | None:
                     return _layout(head, consumed, names, len(row), has_comma, sensor, name)
                 else:
                     return None
+            elif names:
+                shown = words[:60].decode("utf-8", "replace")
+                raise RecordingError(
+                    f'{name}: line {number} reads "{shown}" after a line that names {", ".join(names)[:80]}; wanted '
+                    "numbers there; correct or remove the line"
+                )
             else:
-                named = _names_in(words)
-                if not named or names:
+                # Before the names, pandas has nothing for its index, and tabs divide.
+                names = _names_in(line.strip(b" \r\n"))
+                if not names:
                     return None
-                names = named
         consumed += len(line)
     return None
+
+
+def _declared(comment: bytes, sides: dict[bytes, int], name: str) -> Sensor | None:
+    """The sensor that a comment states; `sides` keeps one that stands on a line of its own."""
+    geometry = _GEOMETRY.search(comment)
+    if geometry is not None:
+        return declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
+    side = _SIDE.search(comment)
+    if side is None:
+        return None
+    sides[side[1].lower()] = int(side[2])
+    if len(sides) < 2:
+        return None
+    return declared_sensor(sides[b"width"], sides[b"height"], f"{name}: its head", ANY_PIXELS)
 
 
 def _layout(
@@ -174,13 +202,23 @@ def _layout(
 
 def _names_in(line: bytes) -> tuple[str, ...]:
     """The names in a line, split at its own delimiter; none where they are not those of x, y, t and p."""
-    text = line.decode("utf-8", "replace")
+    text = _decoded(line)
     mark = next((mark for mark in ",;\t" if mark in text), None)
     # A unit in brackets belongs to the word before it, whatever stands between.
     parts = text.split(mark) if mark else re.split(r"\s+(?![\[(])", text.strip())
     names = tuple(part.strip().strip("\"'") for part in parts)
+    if mark and not names[-1]:
+        names = names[:-1]  # a delimiter after the last one, too
     keys = column_keys(names) if 4 <= len(names) <= _LARGEST_COLUMNS else None
     return names if keys is not None and "xy" not in keys else ()
+
+
+def _decoded(line: bytes) -> str:
+    """As UTF-8, else as Windows writes it: a µ must not get lost before an s."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", "replace")
 
 
 def _has_decimal_comma(line: bytes) -> bool:

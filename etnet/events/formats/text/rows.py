@@ -114,7 +114,7 @@ def _divided_by_blanks(block: bytes, decimal_comma: bool) -> bytes:
 
 def _without_words(block: bytes) -> bytes:
     """Quotes and words cost as much as all the rest, so they are looked for only where rows are not regular."""
-    block = block.replace(b'"', b"").replace(b"  ", b" ")
+    block = block.replace(b'"', b"").replace(b"'", b"").replace(b"  ", b" ")
     if _WORDS.search(block) is not None:
         block = _WORDS.sub(lambda found: b"1" if found[0].lower() in (b"true", b"on") else b"0", block)
     return block
@@ -190,7 +190,7 @@ def _one_by_one(block: bytes, stored: bytes, columns: Columns, name: str, first_
     scale = _SCALES[columns.unit]
     for number, line in enumerate(block.split(b"\n"), first_line):
         tokens = line.split()
-        if not tokens or tokens[0].startswith((b"#", b"%")):
+        if not tokens or tokens[0].startswith((b"#", b"%", b"//")):
             continue
         try:
             if len(tokens) != columns.count:

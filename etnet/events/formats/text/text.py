@@ -12,6 +12,7 @@ from dataclasses import replace
 from io import BufferedIOBase
 
 from etnet.errors import RecordingError
+from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.archive import FolderStore, Store, ZipStore
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import collect
@@ -19,7 +20,7 @@ from etnet.events.formats.frames import attached, found_frames
 from etnet.events.formats.picture_lists import pictures_beside
 from etnet.events.formats.text.layout import HEAD_BYTES, looks_like_events, looks_like_rows, text_layout
 from etnet.events.formats.text.rows import text_pieces
-from etnet.events.formats.time_unit import judged_unit
+from etnet.events.formats.time_unit import Evidence, judged_unit
 
 _SHORT_HEAD = 4096
 _MOST_TEXTS = 20
@@ -68,19 +69,29 @@ def _open_stream(
     with opener() as stream:
         stream.read(layout.num_bytes)
         columns = replace(layout.columns, rounds=request.assume.pixels == "rounded")
+        if unit == "ns":
+            # As they stand, for a clock of 32 bits may wrap; they are divided when all are there.
+            columns = replace(columns, unit="us")
         pieces = text_pieces(stream, size, columns, request.name, 1 + layout.num_lines)
         size_of_frames = None if frames is None else frames.size
         kind = kinds[0] if layout.names else kinds[1]
-        judge = None if unit is not None else lambda seen: judged_unit(seen, request.assume, remarks)
-        collected = collect(request, pieces, layout.sensor, remarks, judge, layout.columns.unit, size_of_frames)
+        judge = _judge(unit, request, remarks)
+        collected = collect(request, pieces, layout.sensor, remarks, judge, columns.unit, size_of_frames)
     truth = attached(frames, collected.span, request.assume.time_unit, request.name, remarks)
     return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+
+
+def _judge(unit: TimeUnit | None, request: Request, remarks: Remarks) -> Callable[[Evidence], TimeUnit] | None:
+    """What tells the unit once all stamps are read; None where they are µs by then."""
+    if unit is None:
+        return lambda seen: judged_unit(seen, request.assume, remarks)
+    return (lambda _: unit) if unit == "ns" else None
 
 
 def _head_of(stream: BufferedIOBase) -> bytes:
     """Some rows; more where comments fill them."""
     head = stream.read(_SHORT_HEAD)
-    is_comment = all(line.lstrip()[:1] in (b"#", b"%", b"") for line in head.splitlines())
+    is_comment = all(line.lstrip()[:1] in (b"#", b"%", b"/", b"") for line in head.splitlines())
     return head + stream.read(HEAD_BYTES - len(head)) if is_comment and len(head) == _SHORT_HEAD else head
 
 
