@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 
@@ -52,7 +53,7 @@ def paced(recording: Recording, seconds: float, out: Path | None = None) -> dict
     keep = Keep(seconds=5)
     live = LiveRecording(Replay(recording, is_looped=True), keep)
     recorder = None if out is None else Recorder(live, out, first=0)
-    windows, late, resident = LiveWindows(live, ByDuration(40_000)), [], []
+    windows, late, resident = LiveWindows(live, ByDuration(40_000)), array("d"), array("d")
     busy, began = time.process_time(), time.monotonic()
     with live:
         while (elapsed := time.monotonic() - began) < seconds:
@@ -73,8 +74,8 @@ def paced(recording: Recording, seconds: float, out: Path | None = None) -> dict
         "late_ms_99": float(np.percentile(late, 99)),
         "late_ms_worst": max(late),
         "windows_merged": windows.num_merged,
-        "resident_mb_at_half": resident[len(resident) // 2],
-        "resident_mb_at_end": resident[-1],
+        "resident_mb_of_each_tenth": [round(float(np.median(part))) for part in np.array_split(resident, 10)],
+        "resident_mb_most": round(max(resident)),
         "cpu_share": (time.process_time() - busy) / seconds,
     }
     if recorder is not None:

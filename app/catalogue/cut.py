@@ -53,7 +53,7 @@ class CutRecording(Recording):
 
     def is_gone(self, window: Window) -> bool:
         """Whether events of a window have left the buffer."""
-        return self.extent is not None and window.start < self.extent().first_held
+        return self.extent is not None and not self.extent().is_there(window.start, window.stop)
 
     @property
     def gone_before(self) -> float:

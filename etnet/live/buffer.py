@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import Condition
 
@@ -25,7 +26,9 @@ BLOCK = 65_536
 EVENT_BYTES = 13
 """Columns x, y, t and p of one event."""
 MOST_TRIGGERS = 100_000
-"""Packets with triggers that are held at most."""
+"""Triggers that are held at most, but for some of those that leave with the last of them."""
+TRIGGERS_TOGETHER, SECOND = 1_024, 1_000_000
+"""Triggers of one second (µs) are held, and leave, together, so many at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +86,17 @@ class Extent:
     last_stamp: int | None
     held_stamp: int | None
     until: int | None
+    pinned: range = range(0)
+    """Events that stay readable though they may have left: the window at which the network is."""
 
     @property
     def gone_before(self) -> int | None:
         """The stamp (µs) before which events have left; `None` while all are there."""
         return self.held_stamp if self.first_held else None
+
+    def is_there(self, start: int, stop: int) -> bool:
+        """Whether events start … stop − 1 can be read."""
+        return start >= self.first_held or (start >= self.pinned.start and stop <= self.pinned.stop)
 
 
 class LiveBuffer:
@@ -97,6 +106,7 @@ class LiveBuffer:
         self.sensor, self._keep = sensor, keep
         self.changed = Condition()
         self._blocks: deque[_Block] = deque()
+        self._pinned, self._pinned_blocks = range(0), list[_Block]()
         self._num_events = 0
         self._first_stamp: int | None = None
         self._last_stamp: int | None = None
@@ -105,7 +115,7 @@ class LiveBuffer:
         self._num_frames, self._frame_bytes = 0, 0
         self._frame_stamps = np.empty(256, np.int64)
         self._triggers: deque[Triggers] = deque()
-        self._num_triggers = 0
+        self._num_triggers = self._num_triggers_held = 0
 
     def add(self, events: Events, until: int | None, frames: tuple[CameraFrame, ...], triggers: Triggers) -> None:
         """Take one packet in, and drop what is too old or too much."""
@@ -124,8 +134,7 @@ class LiveBuffer:
             for frame in frames:
                 self._add_frame(frame)
             if len(triggers):
-                self._triggers.append(triggers)
-                self._num_triggers += len(triggers)
+                self._add_triggers(triggers)
             self._drop_old()
             self.changed.notify_all()
 
@@ -140,6 +149,7 @@ class LiveBuffer:
                 self._last_stamp,
                 None if held is None else held.stamp(held.start),
                 self._until,
+                self._pinned,
             )
 
     @property
@@ -148,10 +158,17 @@ class LiveBuffer:
         with self.changed:
             return self._nbytes()
 
+    def pin(self, start: int, stop: int) -> None:
+        """Keep events start … stop − 1 readable until the next call: they may leave while the network gets to them."""
+        with self.changed:
+            self._pinned = range(start, stop)
+            self._pinned_blocks = [block for block in self._blocks if block.start < stop and start < block.stop]
+
     def read(self, start: int, stop: int) -> Events:
         """Events start … stop − 1, which must still be there."""
         with self.changed:
-            blocks = list(self._blocks)
+            is_pinned = start >= self._pinned.start and stop <= self._pinned.stop
+            blocks = self._pinned_blocks if is_pinned else list(self._blocks)
         if start == stop:
             return Events.empty(self.sensor)
         if not blocks or start < blocks[0].start:
@@ -197,12 +214,10 @@ class LiveBuffer:
             held, num = tuple(self._triggers), self._num_triggers
         if not held:
             return num, no_triggers()
-        stamps, channels, edges = (
-            np.concatenate([getattr(part, name) for part in held]) for name in ("stamps", "channels", "edges")
-        )
-        start = num - len(stamps)
+        joined = _joined(held)
+        start = num - len(joined)
         skip = max(first - start, 0)
-        return start + skip, Triggers(stamps[skip:], channels[skip:], edges[skip:])
+        return start + skip, Triggers(joined.stamps[skip:], joined.channels[skip:], joined.edges[skip:])
 
     def _read_frame(self, index: int) -> Float32[np.ndarray, "h w"]:
         with self.changed:
@@ -222,6 +237,16 @@ class LiveBuffer:
         self._frames.append(frame)
         self._frame_bytes += frame.pixels.nbytes
 
+    def _add_triggers(self, triggers: Triggers) -> None:
+        """Few long columns: all that is held is joined for each picture of a page."""
+        self._num_triggers += len(triggers)
+        last = self._triggers[-1] if self._triggers else None
+        if last is not None and len(last) < TRIGGERS_TOGETHER and triggers.stamps[-1] - last.stamps[0] < SECOND:
+            self._triggers[-1] = _joined([last, triggers])
+        else:
+            self._triggers.append(triggers)
+        self._num_triggers_held += len(triggers)
+
     def _drop_old(self) -> None:
         if self._until is None:
             return
@@ -230,8 +255,11 @@ class LiveBuffer:
             self._blocks.popleft()
         while self._frames and self._frames[0].stamp < oldest:
             self._drop_frame()
-        while self._triggers and (self._triggers[0].stamps[-1] < oldest or len(self._triggers) > MOST_TRIGGERS):
-            self._triggers.popleft()
+        while self._triggers and (
+            self._triggers[0].stamps[-1] < oldest
+            or (self._num_triggers_held > MOST_TRIGGERS and len(self._triggers) > 1)
+        ):
+            self._num_triggers_held -= len(self._triggers.popleft())
         while self._nbytes() > self._keep.num_bytes and (len(self._blocks) > 1 or self._frames):
             if len(self._blocks) > 1 and not (
                 self._frames and self._frames[0].stamp < self._blocks[0].stamp(self._blocks[0].start)
@@ -251,3 +279,10 @@ class LiveBuffer:
         if extent.gone_before is None or extent.first_stamp is None:
             return "nothing is held"
         return f"what came before {(extent.gone_before - extent.first_stamp) / 1e6:.1f} s has left the buffer"
+
+
+def _joined(parts: Sequence[Triggers]) -> Triggers:
+    stamps, channels, edges = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("stamps", "channels", "edges")
+    )
+    return Triggers(stamps, channels, edges)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +19,9 @@ DENSEST = 1.0
 """Events per pixel and window up to which they do well."""
 SPARE = 1.25
 """Windows last so much longer than a step, so that a busy moment is made up for."""
+LONGEST = 0.25
+"""Seconds of the longest window that is chosen for a slow step. A slower one is met by merging what waits, which also
+ends with the busy moment in which a step was measured."""
 _STEPS = 3
 
 
@@ -33,7 +35,7 @@ class Pace:
 
 
 def measured_step(model: Reconstructor, sensor: Sensor, clock: Callable[[], float] = time.perf_counter) -> float:
-    """Seconds of one step at this size: the median of a few, after one that warms up."""
+    """Seconds of one step at this size: the fastest of a few, after one that warms up."""
     rng = torch.Generator().manual_seed(0)
     voxel = torch.randn(1, model.bins, sensor.height, sensor.width, generator=rng).to(device_of(model))
     state, seconds = None, []
@@ -44,19 +46,20 @@ def measured_step(model: Reconstructor, sensor: Sensor, clock: Callable[[], floa
             step.frame[..., 0, 0].cpu()  # waits for a GPU
             state = step.state
             seconds.append(clock() - began)
-    return statistics.median(seconds[1:])
+    return min(seconds[1:])
 
 
 def fitting_policy(step_seconds: float, events_per_second: float, sensor: Sensor) -> Pace:
     """Windows by density as networks are trained, denser where events come too fast for that, by duration beyond it."""
-    fits = SPARE * step_seconds
+    fits = min(SPARE * step_seconds, LONGEST)
     density = events_per_second * fits / sensor.num_pixels
     said = f"a step takes {1000 * step_seconds:.0f} ms at {sensor}"
+    joined = "; they are merged while a step is slower" if SPARE * step_seconds > LONGEST else ""
     rate = f"{events_per_second / 1e6:.2f} Mev/s"
     if density <= DENSITY:
-        return Pace(ByDensity(DENSITY), step_seconds, f"{said}: windows of {DENSITY} events per pixel")
+        return Pace(ByDensity(DENSITY), step_seconds, f"{said}: windows of {DENSITY} events per pixel{joined}")
     if density <= DENSEST:
         rounded = round(density + 0.005, 2)
-        return Pace(ByDensity(rounded), step_seconds, f"{said}, {rate}: windows of {rounded:g} events per pixel")
+        return Pace(ByDensity(rounded), step_seconds, f"{said}, {rate}: windows of {rounded:g} events per pixel{joined}")
     milliseconds = max(5, -(-round(1000 * fits) // 5) * 5)
-    return Pace(ByDuration(1000 * milliseconds), step_seconds, f"{said}, {rate}: windows of {milliseconds} ms")
+    return Pace(ByDuration(1000 * milliseconds), step_seconds, f"{said}, {rate}: windows of {milliseconds} ms{joined}")

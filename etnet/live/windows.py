@@ -83,7 +83,10 @@ class LiveWindows:
             self._start, self._t_start = extent.num_events, extent.until
 
     def take(self, timeout: float = 0.5, is_stopped: Callable[[], bool] = lambda: False) -> Window | None:
-        """The next window, with all that has come for it by now; `None` if none was full within `timeout` seconds."""
+        """The next window, with all that has come for it by now; `None` if none was full within `timeout` seconds.
+
+        Its events can be read until the next one is taken, though they may have left the buffer by then.
+        """
         until = time.monotonic() + timeout
         changed = self.live.buffer.changed
         with changed:
@@ -92,6 +95,8 @@ class LiveWindows:
                 if left <= 0 or self.live.is_over or is_stopped():
                     return None
                 changed.wait(min(left, 0.1))
+            # Under one lock: a window as long as the buffer would begin to leave at once.
+            self.live.buffer.pin(cut[0].start, cut[0].stop)
         window, num_windows = cut
         self.kept.append(window, num_windows)
         self.num_merged += num_windows - 1

@@ -38,14 +38,14 @@ def test_live_frames_are_written_and_come_again_from_the_recorded_file(tmp_path,
     weights = tmp_path / "tiny.safetensors"
     save_weights(build_model("tiny"), weights)
     out, again, record = tmp_path / "live", tmp_path / "again", tmp_path / "live.aedat4"
-    options, live = ["--model", str(weights)], ["reconstruct", "--live", str(recorded), "--loop", "--seconds", "2"]
+    options, live = ["--model", str(weights)], ["reconstruct", "--live", str(recorded)]
     assert main([*live, "--out", str(out), "--record", str(record), "--windows", "duration=30ms", *options]) == 0
     said = capsys.readouterr().err
     assert "windows duration=30ms" in said
     assert "windows merged" in said
     assert main(["reconstruct", str(record), "--windows", "as-cut", "--out", str(again), *options]) == 0
     frames = sorted((out / "frames").iterdir())
-    assert len(frames) >= 2
+    assert frames
     for frame in frames:
         assert frame.read_bytes() == (again / "frames" / frame.name).read_bytes()
     assert (again / "stamps.csv").read_text() == (out / "stamps.csv").read_text()
@@ -69,10 +69,10 @@ def test_a_signal_ends_a_recording_properly(tmp_path, recorded, number):
     out = tmp_path / "endless.h5"
     command = [sys.executable, "-m", "etnet", "record", str(recorded), str(out), "--loop"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        until = time.monotonic() + 20
-        while not out.exists() and time.monotonic() < until:
+        until, empty = time.monotonic() + 60, 0
+        while not (empty and out.stat().st_size > empty) and time.monotonic() < until:
             time.sleep(0.02)
-        time.sleep(0.7)
+            empty = empty or (out.stat().st_size if out.exists() else 0)
         os.kill(process.pid, number)
         assert process.stderr is not None
         said = process.stderr.read()

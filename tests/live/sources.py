@@ -48,7 +48,7 @@ def taken_in(packets: Sequence[Packet], sensor: Sensor = SMALL, keep=None) -> Li
     return live
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until, "waited too long"

@@ -84,6 +84,18 @@ def test_frames_and_triggers_keep_their_numbers_and_leave_with_their_time():
     assert triggers.stamps[-1] == frames[-1].stamp
 
 
+def test_triggers_by_the_thousand_are_held_in_few_pieces_and_those_beyond_the_most_leave(monkeypatch):
+    monkeypatch.setattr(module, "MOST_TRIGGERS", 3_000)
+    buffer, stamps = LiveBuffer(SMALL, Keep()), list(range(0, 5_000_000, 1_000))
+    for stamp in stamps:
+        buffer.add(make_events(0), stamp, (), edges_at([stamp]))
+    start, held = buffer.triggers_from(0)
+    assert start + len(held) == 5_000
+    assert 2_000 <= len(held) <= 3_000
+    assert list(held.stamps) == stamps[start:]
+    assert len(buffer._triggers) <= 4
+
+
 @given(st.lists(st.integers(0, 400), min_size=1, max_size=400), st.integers(1, 90), st.integers(-5, 405))
 @settings(max_examples=60)
 def test_the_first_event_from_a_moment_on_is_found_as_in_a_plain_recording(stamps, size, t):

@@ -1,5 +1,7 @@
 """A recorded file replayed with the windows as they were cut gives the live frames, to the bit."""
 
+import threading
+
 import numpy as np
 import pytest
 import torch
@@ -20,7 +22,7 @@ from etnet.nets.presets import build_model
 from etnet.playback.playback import Playback
 from etnet.reconstruction import reconstruct
 from etnet.windows import ByCount, ByDensity, ByDuration
-from tests.live.sources import cut_up, make_events, same, taken_in, wait_for
+from tests.live.sources import GivenPackets, cut_up, make_events, same, taken_in, wait_for
 
 MODEL = build_model("tiny")
 SENSOR = Sensor(40, 28)
@@ -79,8 +81,6 @@ def test_a_replay_goes_at_its_own_speed_and_round_and_round():
     events = make_events(500, duration=50_000)
     live = _played(events, is_looped=True)
     with live:
-        began = live.wait(1)
-        assert began.num_events <= 500
         wait_for(lambda: live.extent().num_events >= 1600)
         read = live.recording().read(0, 1500)
         assert (np.diff(read.t) >= 0).all()
@@ -131,4 +131,35 @@ def test_windows_are_chosen_so_that_a_step_fits_and_that_is_said():
     assert 0.62 < dense.policy.events_per_pixel < 0.65
     assert "a step takes 100 ms at 200×100, 0.10 Mev/s" in dense.said
     assert fitting_policy(0.1, 10_000_000, sensor).policy == ByDuration(125_000)
-    assert measured_step(MODEL, SENSOR) > 0
+    assert "merged" not in dense.said
+
+
+def test_a_busy_moment_at_the_start_makes_no_windows_of_seconds_for_the_rest():
+    """The clock says that the first steps took seconds each; the fastest counts, and what is chosen stays short."""
+    times = iter([0, 9, 9, 20, 20, 21.5, 21.5, 40])
+    assert measured_step(MODEL, SENSOR, lambda: next(times)) == 1.5
+    slow = fitting_policy(1.5, 10_000_000, SENSOR)
+    assert slow.policy == ByDuration(250_000)
+    assert slow.said.endswith("windows of 250 ms; they are merged while a step is slower")
+
+
+def test_a_step_that_becomes_slow_gets_its_windows_merged_and_when_it_is_fast_again_they_come_one_by_one():
+    gate = threading.Semaphore(0)
+    events = make_events(6_000, SENSOR, duration=300_000)
+    live = LiveRecording(GivenPackets(cut_up(events, 100), SENSOR, gate))
+    windows, merged = LiveWindows(live, ByCount(100)), []
+
+    def hand_over(num_packets):
+        """While a step runs, so many packets come."""
+        before = live.extent().num_events
+        for _ in range(num_packets):
+            gate.release()
+        wait_for(lambda: live.extent().num_events == before + 100 * num_packets)
+
+    with live:
+        hand_over(1)
+        for number, live_step in enumerate(reconstruct_live(MODEL, windows, is_stopped=lambda: len(merged) >= 12)):
+            merged.append(live_step.num_merged)
+            hand_over(7 if 4 <= number < 7 else 1)
+    assert merged == [1, 1, 1, 1, 1, 7, 7, 7, 1, 1, 1, 1]
+    assert [window.start for window in windows.kept[1:]] == [window.stop for window in windows.kept[:-1]]

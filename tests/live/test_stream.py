@@ -55,7 +55,7 @@ def test_event_stream_over_tcp_arrives_with_the_size_that_it_states():
     source = stream.stream()
     assert source.sensor == SMALL
     with LiveRecording(source) as live:
-        assert same(live.wait(3000).read(0, 3000), events)
+        assert same(live.wait(3000, 60).read(0, 3000), events)
         sending.join()
         wait_for(lambda: "the sender hung up; waiting for it" in _notes(live))
 
@@ -88,13 +88,13 @@ def test_wrong_bytes_cost_the_connection_and_nothing_else(content, said):
     stream = _tcp()
     with LiveRecording(stream.stream()) as live:
         _send(stream, event_stream_bytes(events))
-        live.wait(50)
+        live.wait(50, 60)
         _send(stream, content)
         wait_for(lambda: len(live.notes) >= 2)
         assert any(word in live.notes[1].text for word in said.split("|"))
         assert "\n" not in live.notes[1].text
         _send(stream, event_stream_bytes(events))
-        assert same(live.wait(100).read(0, 50), events), "what was there stays, and the next sender is heard"
+        assert same(live.wait(100, 60).read(0, 50), events), "what was there stays, and the next sender is heard"
 
 
 def test_an_event_beyond_the_sensor_is_wrong_bytes():
@@ -112,8 +112,9 @@ def test_a_sender_that_says_nothing_holds_nobody_up_for_ever(monkeypatch):
     stream = _tcp()
     with LiveRecording(stream.stream()) as live, _sender(stream):
         wait_for(lambda: "wrong bytes" in _notes(live))
+        monkeypatch.setattr(tcp, "HEAD_PATIENCE", 60.0)
         _send(stream, event_stream_bytes(make_events(9)))
-        live.wait(9)
+        live.wait(9, 60)
 
 
 def test_a_sender_that_breaks_off_within_an_event_leaves_no_half_event():
@@ -121,10 +122,10 @@ def test_a_sender_that_breaks_off_within_an_event_leaves_no_half_event():
     stream = _tcp("t64_x16_y16_on8")
     with LiveRecording(stream.stream()) as live:
         _send(stream, record_bytes(events, stream.layout)[:-5])
-        live.wait(9)
+        live.wait(9, 60)
         wait_for(lambda: "hung up" in _notes(live))
         _send(stream, record_bytes(events, stream.layout))
-        assert live.wait(19).num_events == 19
+        assert live.wait(19, 60).num_events == 19
 
 
 def test_nobody_sends_is_a_sentence():
@@ -165,7 +166,7 @@ def test_datagrams_that_faery_sends_arrive(layout):
         for start in range(0, 5000, 500):
             udp_encoder.encode([rows[start : start + 500]], (HERE, stream.port), format=layout)
             time.sleep(0.002)
-        assert same(live.wait(5000).read(0, 5000), events)
+        assert same(live.wait(5000, 60).read(0, 5000), events)
 
 
 def _datagrams(stream: UdpStream, *contents: bytes) -> None:
@@ -192,7 +193,7 @@ def test_a_datagram_that_was_cut_spoils_none_after_it():
     stream = UdpStream(Address("udp"), SMALL)
     with LiveRecording(stream) as live:
         _datagrams(stream, parts[0][:-5], parts[1], parts[2])
-        read = live.wait(29).read(0, 29)
+        read = live.wait(29, 60).read(0, 29)
         assert same(read, Events.concatenate([events[:9], events[10:]], SMALL))
         assert live.loss.packets == 1
 

@@ -31,7 +31,7 @@ def test_frames_that_move_become_events_with_the_frames_beside():
         for number in range(10):
             source.show(_frame(number), 40_000.0 * number)
             wait_for(lambda number=number: (live.extent().until or 0) >= 40_000 * number and not source._waiting)
-        recording = live.wait(100)
+        recording = live.wait(100, 60)
         events = recording.read(0, recording.num_events)
         assert (np.diff(events.t) >= 0).all()
         assert set(np.unique(events.p)) == {-1, 1}

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etnet.errors import WindowError
+from etnet.errors import RecordingError, WindowError
 from etnet.events.recording import recording_of_events
 from etnet.live import buffer as buffer_module
 from etnet.live.buffer import EVENT_BYTES, Keep
 from etnet.live.recording import LiveRecording
 from etnet.live.windows import LiveWindows
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
-from tests.live.sources import GivenPackets, cut_up, make_events, taken_in, wait_for
+from tests.live.sources import GivenPackets, cut_up, make_events, same, taken_in, wait_for
 from tests.strategies import SMALL
 
 
@@ -103,6 +103,26 @@ def test_events_that_left_before_the_network_got_to_them_are_counted(monkeypatch
     assert window is not None
     assert window.start == live.extent().first_held
     assert windows.num_unseen == window.start - 50
+
+
+def test_a_window_can_be_read_until_the_next_is_taken_though_its_events_leave_meanwhile(monkeypatch):
+    monkeypatch.setattr(buffer_module, "BLOCK", 64)
+    events = make_events(2000)
+    live = LiveRecording(GivenPackets([]), Keep(num_bytes=4 * 64 * EVENT_BYTES))
+    windows, at = LiveWindows(live, ByCount(50)), 0
+    while at < 2000:
+        for packet in cut_up(events[at : at + 200], 50):
+            live._take(packet)
+        window = windows.take(timeout=0)
+        assert window is not None
+        for packet in cut_up(events[at + 200 : at + 600], 50):
+            live._take(packet)
+        assert live.extent().is_there(window.start, window.stop)
+        assert same(live.recording().read(window.start, window.stop), events[window.start : window.stop])
+        at += 600
+    assert not live.extent().is_there(windows.kept[0].start, windows.kept[0].stop)
+    with pytest.raises(RecordingError, match="gone"):
+        live.recording().read(windows.kept[0].start, windows.kept[0].stop)
 
 
 def test_many_windows_are_kept_as_they_were():

@@ -2,12 +2,14 @@
 
 import asyncio
 import re
+import time
 from dataclasses import replace
 
 import pytest
 
 from app.config import ConfigError, LiveConfig, ViewerConfig
 from app.main import with_a_camera
+from app.session import demo
 from app.state import intents as ask
 from etnet.errors import RecordingError
 from etnet.live.source import Packet, Setting
@@ -71,11 +73,12 @@ def test_others_neither_record_nor_change_settings_but_they_look(tmp_path, monke
 
     async def visit(viewer):
         async with Browser.open(viewer.port) as browser:
-            await browser.until_shown('data-act="events"' if how.get("is_demo") else 'data-testid="is-live"', 30)
+            await browser.until_shown('data-act="events"' if how.get("is_demo") else 'data-testid="is-live"')
             assert "live:record" not in browser.html()
             await press(browser, "live:record")
             await press(browser, "tab:live")
-            await asyncio.sleep(0.5)
+            await press(browser, "pixel", 0.25, 0.5)
+            await browser.until(lambda: viewer.page.state.query == (10, 14))  # what came before it was heard, too
             assert all(props.get("label") != "bias diff" for props in browser.widgets.values())
             assert viewer.feed.shown(None, False).recording is None
 
@@ -85,15 +88,17 @@ def test_others_neither_record_nor_change_settings_but_they_look(tmp_path, monke
     assert source.value == 20
 
 
-def test_the_demo_runs_on_the_live_recording_and_stands_still_for_the_place_it_points_at():
+def test_the_demo_runs_on_the_live_recording_and_stands_still_for_the_place_it_points_at(monkeypatch):
+    acts = tuple(replace(step, seconds=min(step.seconds, 0.4)) for step in demo.steps_of("", is_live=True))
+    monkeypatch.setattr(demo, "steps_of", lambda live_id, is_live: (replace(acts[0], recording_id=live_id), *acts[1:]))
+
     async def visit(viewer):
         async with Browser.open(viewer.port) as browser:
-            await browser.until_shown('data-act="events"', 30)
-            await browser.until(lambda: viewer.page.follows)
+            await browser.until(lambda: viewer.page is not None and viewer.page.follows)
             assert viewer.page.state.recording_id == viewer.feed.id
-            await browser.until_shown('data-act="places"', 60)
+            await browser.until_shown('data-act="places"')
             await browser.until(lambda: not viewer.page.follows and viewer.page.state.query is not None)
-            await browser.until_shown('data-act="events"', 90)
+            await browser.until_shown('data-act="invite"')
             await browser.until(lambda: viewer.page.follows)
 
     with live_viewer(is_demo=True) as viewer:
@@ -118,11 +123,10 @@ def test_live_windows_are_never_planned_again_and_a_visitor_is_told_so():
 def test_a_source_that_says_nothing_yet_is_waited_for_and_said():
     class Silent(SettableSource):
         def packets(self, is_stopped):
-            while not is_stopped():
+            while self.value != 21 and not is_stopped():
+                time.sleep(0.05)
                 yield Packet(make_events(0, SENSOR))
-                if self.value == 21:
-                    yield from self.replay.packets(is_stopped)
-                    return
+            yield from self.replay.packets(is_stopped)
 
     source = Silent()
 
@@ -131,7 +135,7 @@ def test_a_source_that_says_nothing_yet_is_waited_for_and_said():
             await browser.until_shown("no events yet")
             assert browser.notices == []
             source.value = 21
-            await browser.until(lambda: viewer.page.moment is not None)
+            await browser.until(lambda: viewer.page is not None and viewer.page.moment is not None)
 
     with live_viewer(source) as viewer:
         asyncio.run(visit(viewer))
