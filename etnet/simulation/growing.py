@@ -17,6 +17,7 @@ from etnet.errors import Cancelled, EtnetError, RecordingError
 from etnet.events.cache import grey
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, Recording, Remark, Span
+from etnet.simulation.beginning import Beginning
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.video import Shown, VideoConfig, footage_of, simulated
 
@@ -59,8 +60,17 @@ class _Grown:
 class GrowingVideo:
     """Simulates `video` into `out` (the file that `simulate_video` writes). `run` belongs to a thread of its own."""
 
-    def __init__(self, video: Path, out: Path, config: VideoConfig, name: str, largest: int = LARGEST) -> None:
-        self.config = config
+    def __init__(
+        self,
+        video: Path,
+        out: Path,
+        config: VideoConfig,
+        name: str,
+        largest: int = LARGEST,
+        beginning: Beginning | None = None,
+    ) -> None:
+        """`beginning`: that of this video, seen at this size; what is known of it is not computed once more."""
+        self.config, self._beginning = config, beginning
         self._video, self._out, self._name, self._largest = video, out, name, largest
         self._changed = Condition()
         self._file: h5py.File | None = None
@@ -124,7 +134,7 @@ class GrowingVideo:
 
     def _simulate(self, file: h5py.File, frames: VideoFootage, is_cancelled: Callable[[], bool]) -> None:
         began = time.thread_time()
-        for shown in simulated(file, frames, self.config):
+        for shown in simulated(file, frames, self.config, beginning=self._beginning):
             if is_cancelled():
                 raise Cancelled("the simulation was stopped")
             with self._changed:
@@ -154,6 +164,7 @@ class GrowingVideo:
             return grey(np.asarray(file[f"images/image{index:09d}"]), is_bgr=True)
 
         values = f"contrast {self.config.contrast:g}, noise {self.config.noise:g}"
+        values += f", bandwidth {self.config.cutoff_hz:g} Hz" if self.config.cutoff_hz else ""
         remarks = [Remark("assumed", f"simulated from a video (ESIM, {values}, {sensor} pixels)")]
         if self._frames is not None:
             remarks += [Remark("assumed", said) for said in list(self._frames.remarks)]

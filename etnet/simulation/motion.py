@@ -84,6 +84,11 @@ class Moving:
     motion: float
     failed: float
 
+    @property
+    def num_bytes(self) -> int:
+        """Memory beyond that of the two frames."""
+        return sum(one.flow.nbytes + one.trust.nbytes for one in (self.forward, self.backward))
+
     def level(self, share: float) -> Level:
         """Each source weighs by its nearness in time and by whether its pixel is seen in the other frame."""
         rest = 1.0 - share
