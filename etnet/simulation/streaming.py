@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -73,7 +73,9 @@ class EventSimulator:
         self.flow: Float32[np.ndarray, "2 h w"] | None = None
         """How far what each pixel of the newest frame shows has come since the one before, x and y in pixels."""
         threshold = min(traits.threshold_on, traits.threshold_off)
-        self._walk = Walk(stepping or Stepping(), traits.dark, threshold, threads, beginning)
+        is_sampled = exposure_us > 0 or traits.cutoff_hz > 0 or traits.low_pass_us > 0
+        stepping = replace(stepping or Stepping(), is_sampled=is_sampled)
+        self._walk = Walk(stepping, traits.dark, threshold, threads, beginning)
         self._rng, self._exposure_us = np.random.default_rng(seed), exposure_us
         self._pixels: PixelArray | None = None
         self._noise: Noise | None = None

@@ -30,6 +30,7 @@ from etnet.simulation.motion import (
 
 MOST_STEPS = 32
 """Steps between two frames, at most: what is faster than so many pixels a frame is stepped over coarsely."""
+_STEPS_A_PIXEL = 1.5
 _AHEAD = 2
 """Levels that are prepared while the sensor looks at one; frame pairs whose flow is looked for meanwhile."""
 
@@ -45,13 +46,17 @@ class Stepping:
     """How finely the way from one frame to the next is gone.
 
     "auto" takes as many steps as keep motion at one pixel and a pixel's events at one, for 99 % of the picture and up
-    to `most_steps`; a number takes so many along the flow; "off" runs straight from frame to frame, cuts included.
+    to `most_steps`. Finer than two thirds of a pixel it does not go: there the signal is all but straight, and several
+    events of one step lie on that line. A number takes so many steps along the flow; "off" runs straight from frame to
+    frame, cuts included.
     """
 
     interpolate: Interpolate = "auto"
     most_steps: int = MOST_STEPS
     finds_cuts: bool = True
     learned: Learned | None = None
+    is_sampled: bool = False
+    """The levels themselves count, for an exposure or slow pixels: "auto" then goes finer than two thirds of a pixel."""
 
     def __post_init__(self) -> None:
         if isinstance(self.interpolate, int) and not 1 <= self.interpolate <= 1000:
@@ -63,7 +68,8 @@ class Stepping:
             return 1
         if isinstance(self.interpolate, int):
             return self.interpolate
-        return min(max(1, math.ceil(motion), math.ceil(change)), self.most_steps)
+        finest = self.most_steps if self.is_sampled else math.ceil(_STEPS_A_PIXEL * motion) + 1
+        return min(max(1, math.ceil(motion), min(math.ceil(change), finest)), self.most_steps)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
