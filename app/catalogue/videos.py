@@ -1,7 +1,8 @@
 """Videos as an event sensor would see them: simulated beside the page, one film for each video and setting.
 
 A film's id is its video's, with the setting behind it, so that everything that is computed of it is kept by that. It is
-made for as long as somebody looks at it; each visitor looks at one at a time, the last one opened.
+made for as long as somebody looks at it; each visitor looks at one at a time, the last one opened. What is known of the
+first seconds of the last videos is kept, so that another setting costs the pixels' work alone there.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from threading import Event, RLock, Semaphore
 from typing import TYPE_CHECKING
@@ -22,28 +24,59 @@ from etnet.events.recording import Recording
 from etnet.private_folder import PrivateFolder
 
 if TYPE_CHECKING:
+    from etnet.simulation.beginning import Beginning
     from etnet.simulation.growing import GrowingVideo, Pace
 
 AT_ONCE = 2
 """Videos that are simulated at the same time; others wait."""
 KEPT = 3
 """Videos that nobody looks at and that are whole."""
-QUIET = 0.3
+AT_ONCE_SECONDS = 2.0
+"""Of a video, that somebody waits for."""
+QUIET = 0.25
 """Seconds that a setting stands before it is simulated: a slider passes through many."""
+BEGINNINGS = 2
+"""Videos whose first seconds are kept for the next setting; those that were looked at last."""
 CONTRASTS, NOISES = (0.05, 1.0), (0.0, 3.0)
 """What the sliders offer."""
-USUAL = (0.2, 0.2)
-"""Contrast and noise of a video that nobody has said anything about."""
-_SETTING = re.compile(r"^(.*)~(\d\.\d\d)~(\d\.\d\d)$")
+BANDWIDTHS = (0, 200, 100, 50, 20, 10)
+"""Hz of a white pixel; 0 is no limit."""
+SIDES = (120, 160, 240, 320, 480)
+"""Pixels of the longer side."""
+_SETTING = re.compile(r"^(.*)~(\d\.\d\d)~(\d\.\d\d)~(\d{1,3})~(\d{3})$")
 _LOW_PRIORITY = 10
+
+
+@dataclass(frozen=True, slots=True)
+class FilmSetting:
+    """How a video is seen; brought to what is offered."""
+
+    contrast: float = 0.2
+    noise: float = 0.2
+    bandwidth: int = 0
+    side: int = 320
+
+    def __post_init__(self) -> None:
+        values = {
+            "contrast": round(min(max(self.contrast, CONTRASTS[0]), CONTRASTS[1]), 2),
+            "noise": round(min(max(self.noise, NOISES[0]), NOISES[1]), 2),
+            "bandwidth": min(BANDWIDTHS, key=lambda offered: abs(offered - self.bandwidth)),
+            "side": min(SIDES, key=lambda offered: abs(offered - self.side)),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def words(self) -> str:
+        """As an id has it."""
+        return f"{self.contrast:.2f}~{self.noise:.2f}~{self.bandwidth}~{self.side}"
 
 
 @dataclass(frozen=True, slots=True)
 class VideoShown:
     """What a page says of the current video; times are seconds of video, `work` seconds of work for one of them."""
 
-    contrast: float
-    noise: float
+    setting: FilmSetting
     done: float
     total: float
     work: float | None
@@ -56,23 +89,28 @@ class _Film:
     path: Path
     watchers: set[str] = field(default_factory=set)
     cancelled: Event = field(default_factory=Event)
+    is_low: bool = False
+    """Whether its thread gives way to the others."""
 
 
-def film_id(recording_id: str, contrast: float, noise: float) -> str:
-    """The id of a video's film under another setting, brought to what is offered."""
-    contrast = min(max(contrast, CONTRASTS[0]), CONTRASTS[1])
-    noise = min(max(noise, NOISES[0]), NOISES[1])
-    return f"{split_id(recording_id)[0]}~{contrast:.2f}~{noise:.2f}"
+def film_id(recording_id: str, setting: FilmSetting) -> str:
+    """The id of a video's film under another setting."""
+    return f"{split_id(recording_id)[0]}~{setting.words}"
 
 
-def split_id(recording_id: str) -> tuple[str, tuple[float, float]]:
+def split_id(recording_id: str) -> tuple[str, FilmSetting]:
     """The id of a video, and the setting of its film; what is not offered counts as part of the id."""
     found = _SETTING.match(recording_id)
     if found is None:
-        return recording_id, USUAL
-    contrast, noise = float(found[2]), float(found[3])
-    is_offered = CONTRASTS[0] <= contrast <= CONTRASTS[1] and NOISES[0] <= noise <= NOISES[1]
-    return (found[1], (contrast, noise)) if is_offered else (recording_id, USUAL)
+        return recording_id, FilmSetting()
+    setting = FilmSetting(float(found[2]), float(found[3]), int(found[4]), int(found[5]))
+    is_offered = recording_id == f"{found[1]}~{setting.words}"
+    return (found[1], setting) if is_offered else (recording_id, FilmSetting())
+
+
+def is_simulated(recording: Recording) -> bool:
+    """Whether it is a film that was made here."""
+    return recording.format == "a video, simulated"
 
 
 class Videos:
@@ -82,6 +120,7 @@ class Videos:
         self.forget: Callable[[str], object] = lambda recording_id: None
         """Told the id of a film that is no more: nothing computed of it is of use."""
         self._films: OrderedDict[str, _Film] = OrderedDict()
+        self._beginnings: OrderedDict[tuple[str, int], Beginning] = OrderedDict()
         self._streams: dict[str, Callable[[Callable[[], bool]], Recording]] = {}
         self._folder: PrivateFolder | None = None
         self._lock = RLock()
@@ -123,6 +162,10 @@ class Videos:
             gone = [*unfinished, *whole[:-KEPT]]
         for key in gone:
             self._drop(key)
+        with self._lock:
+            looked_at = {split_id(key)[0] for key, film in self._films.items() if film.watchers}
+            for key in [key for key in self._beginnings if key[0] not in looked_at]:
+                del self._beginnings[key]
 
     def begin(self, visitor: str, recording_id: str, video: Path, name: str, is_strangers: bool = False) -> None:
         """A visitor looks at this film from now on; it is begun if it is not there.
@@ -145,14 +188,15 @@ class Videos:
         if film is None:
             return None
         pace: Pace = film.video.pace
-        config = film.video.config
-        return VideoShown(config.contrast, config.noise, pace.done, pace.total, pace.work, pace.is_over)
+        return VideoShown(split_id(recording_id)[1], pace.done, pace.total, pace.work, pace.is_over)
 
     def let_go(self, video_id: str) -> None:
         """A video is no more: neither are its films."""
         with self._lock:
             self._streams.pop(video_id, None)
             gone = [key for key in self._films if split_id(key)[0] == video_id]
+            for key in [key for key in self._beginnings if key[0] == video_id]:
+                del self._beginnings[key]
         for key in gone:
             self._drop(key)
 
@@ -173,26 +217,45 @@ class Videos:
 
         if self._folder is None:
             self._folder = PrivateFolder("etnet-films-")
-        _, (contrast, noise) = split_id(recording_id)
+        video_id, setting = split_id(recording_id)
         self._num_made += 1
         path = self._folder.path / f"film-{self._num_made}.h5"
         opened = None
         if is_strangers:
             from app.catalogue.video_apart import FootageApart as opened
-        film = _Film(GrowingVideo(video, path, VideoConfig(contrast, noise), name, opened=opened), path)
+        config = VideoConfig(setting.contrast, setting.noise, setting.side, cutoff_hz=float(setting.bandwidth))
+        beginning = self._beginning(video_id, setting.side)
+        film = _Film(GrowingVideo(video, path, config, name, opened=opened, beginning=beginning), path)
         self._films[recording_id] = film
         threading.Thread(target=self._make, args=(film,), daemon=True, name="film").start()
         return film
 
+    def _beginning(self, video_id: str, side: int) -> Beginning:
+        """What is known of the first seconds of a video at this size."""
+        from etnet.simulation.beginning import Beginning
+
+        found = self._beginnings.setdefault((video_id, side), Beginning())
+        self._beginnings.move_to_end((video_id, side))
+        while len(self._beginnings) > BEGINNINGS:
+            self._beginnings.popitem(last=False)
+        return found
+
     def _make(self, film: _Film) -> None:
         film.cancelled.wait(QUIET)
         with self._turns, contextlib.suppress(Cancelled):
-            with contextlib.suppress(OSError, AttributeError):
-                # The page and the network go first; a system that knows no priority of one thread does without.
-                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LOW_PRIORITY)
-            film.video.run(film.cancelled.is_set)
+            film.video.run(partial(self._is_unwanted, film))
         if film.cancelled.is_set():
             film.path.unlink(missing_ok=True)
+
+    def _is_unwanted(self, film: _Film) -> bool:
+        """Asked before each frame. Whoever moved a slider waits for the first seconds; after them the page and the
+        network go first. The threads that look for motion are two frames ahead at most, so they follow."""
+        if not film.is_low and film.video.pace.done > AT_ONCE_SECONDS:
+            film.is_low = True
+            with contextlib.suppress(OSError, AttributeError):
+                # A system that knows no priority of one thread does without.
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LOW_PRIORITY)
+        return film.cancelled.is_set()
 
     def _drop(self, recording_id: str) -> None:
         with self._lock:

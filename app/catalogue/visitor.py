@@ -100,6 +100,13 @@ class VisitorCatalogue:
             return ""
         return entry.title if entry.kind == "upload" else "" if entry.kind == "live" else entry.path.name
 
+    def is_film(self, recording_id: str) -> bool:
+        """Whether it is a video, of which an event sensor's view is simulated."""
+        try:
+            return self._shared.is_film(self.entry(recording_id))
+        except CatalogueError:
+            return False
+
     def film(self, recording_id: str) -> VideoShown | None:
         """How far a video is simulated; `None` for all that is no video."""
         return self._shared.films.shown(recording_id)

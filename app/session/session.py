@@ -239,6 +239,8 @@ class Session:
             return
         if state is None:
             self._reduce(ask.OpenRecording(recording_id))
+            if self._catalogue.is_film(recording_id):
+                self._reduce(ask.OpenTab("video"))
             return
         shown = self._state
         self._state = replace(state, workspace=shown.workspace, tab=shown.tab, visit=shown.visit)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
+from app.engine.frame_scores import Rule
 from app.engine.requests import Precision
 from etnet.events.cleaning import Cleaning
 from etnet.windows import Policy
-
-Rule = Literal["paper", "evreal"]
-"""A protocol of `etnet.evaluation`, by name; its module needs torch."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from app.views.reconstruction import VIEW as RECONSTRUCTION
 from app.views.recording import VIEW as RECORDING
 from app.views.scene import VIEW as SCENE
 from app.views.timeline import VIEW as TIMELINE
+from app.views.video import VIEW as VIDEO
 from app.views.view import View
 from app.views.voxels import VIEW as VOXELS
 
@@ -27,6 +28,7 @@ VIEWS: tuple[View, ...] = (
     INSPECT,
     COMPARE,
     RECORDING,
+    VIDEO,
     APPEARANCE,
     FILTER,
     EXPORT,

@@ -15,7 +15,7 @@ from rich.table import Table
 from etnet.cli.progress import console, fraction_callback
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
-from etnet.events.write import Layout, write_recording
+from etnet.events.write import Layout, layout_of, write_recording
 from etnet.simulation.camera_path import PhotoInMotion
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Footage, Framing
@@ -97,9 +97,18 @@ class Filming:
         exposure = self.exposure_ms * 1000
         stepping = Stepping(_interpolate(self.interpolate), learned=_learned(self.interpolator))
         config = VideoConfig(
-            self.contrast, self.noise, self.side, self.speed, seed, None, self.framing(), stepping, self.gamma,
-            self.drop_repeats, self.colour, self.store_flow, exposure, self.frame_noise,
-        )  # fmt: skip
+            contrast=self.contrast,
+            noise=self.noise,
+            seed=seed,
+            framing=self.framing(),
+            stepping=stepping,
+            gamma=self.gamma,
+            drops_repeats=self.drop_repeats,
+            has_colour=self.colour,
+            has_flow=self.store_flow,
+            exposure_us=exposure,
+            frame_noise=self.frame_noise,
+        )
         asked = {one.name: getattr(self, one.name, None) for one in fields(PixelSettings)}
         given = {name: value for name, value in asked.items() if value is not None}
         base = twin or (camera_named(self.camera).pixels if self.camera else None)
@@ -110,6 +119,7 @@ class Filming:
 
 def run_video(filming: Filming, out: Path, seed: int, fps: float | None, seconds: float) -> int:
     """Do it; returns the exit code."""
+    layout_of(out, filming.to)  # what cannot be written is refused before the work, not after it
     twin = None if filming.like is None else _measured(filming.like)
     config = filming.config(seed, None if twin is None else twin.pixels)
     out.resolve().parent.mkdir(parents=True, exist_ok=True)

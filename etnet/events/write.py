@@ -68,6 +68,16 @@ class _Part:
         return int(self.recording.read(self.stop - 1, self.stop).t[0])
 
 
+def layout_of(path: Path, layout: Layout | None = None) -> Layout:
+    """The layout that a file is written in, judged by its suffix if none is given. Raises RecordingError."""
+    chosen = layout or _SUFFIXES.get(path.suffix.lower())
+    if chosen not in _WRITERS:
+        raise RecordingError(
+            f'{path.name}: no layout is known for "{path.suffix}"; name one of {", ".join(get_args(Layout))}'
+        )
+    return chosen
+
+
 def write_recording(
     recording: Recording,
     path: str | Path,
@@ -87,11 +97,7 @@ def write_recording(
     hold the events, or if the disk fails; EtnetError if what is there is no regular file.
     """
     path = Path(path)
-    chosen = layout or _SUFFIXES.get(path.suffix.lower())
-    if chosen not in _WRITERS:
-        raise RecordingError(
-            f'{path.name}: no layout is known for "{path.suffix}"; name one of {", ".join(get_args(Layout))}'
-        )
+    chosen = layout_of(path, layout)
     stop = recording.num_events if stop is None else stop
     if not 0 <= start < stop <= recording.num_events:
         raise RecordingError(

@@ -60,6 +60,7 @@ def fitting_policy(step_seconds: float, events_per_second: float, sensor: Sensor
         return Pace(ByDensity(DENSITY), step_seconds, f"{said}: windows of {DENSITY} events per pixel{joined}")
     if density <= DENSEST:
         rounded = round(density + 0.005, 2)
-        return Pace(ByDensity(rounded), step_seconds, f"{said}, {rate}: windows of {rounded:g} events per pixel{joined}")
+        words = f"{said}, {rate}: windows of {rounded:g} events per pixel{joined}"
+        return Pace(ByDensity(rounded), step_seconds, words)
     milliseconds = max(5, -(-round(1000 * fits) // 5) * 5)
     return Pace(ByDuration(1000 * milliseconds), step_seconds, f"{said}, {rate}: windows of {milliseconds} ms{joined}")

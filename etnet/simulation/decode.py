@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 from av.error import BlockingIOError as NotYet
 from av.error import EOFError as Over
@@ -28,6 +29,8 @@ _FULL = 2
 _UNEVEN = 1.5
 """A longest interval so many times the shortest is told."""
 
+_SAME_MEAN, _SAME_MOST = 0.25, 16
+"""Steps of 8 bits, on average and at most, by which a repeated frame may differ."""
 _TAIL = 0.25
 """Seconds by which the last frame may come before the stated end."""
 
@@ -62,9 +65,7 @@ class VideoFootage:
         try:
             self._container = av.open(str(path))
         except (FFmpegError, OSError) as error:
-            raise RecordingError(
-                f"{path.name}: cannot be read as a video ({_reason(error)}); MP4 (H.264) always works"
-            ) from error
+            raise RecordingError(f"{path.name}: {_why_not(path, error)}") from error
         if not self._container.streams.video:
             self.close()
             raise RecordingError(f"{path.name}: holds no video stream; choose a video, or a folder of pictures")
@@ -79,6 +80,7 @@ class VideoFootage:
         # Taken now: a stream that is asked after its file was closed answers nonsense.
         rate = self._stream.average_rate or self._stream.guessed_rate or Fraction(25)
         self.interval = 1e6 / float(rate) / self._framing.speed
+        self._whole = self._whole_seconds()
         self.duration = self._stated_seconds() / self._framing.speed
         self.luma = _luma(first, gamma)
         self.tone, self.bits = self.luma.tone, first.format.components[0].bits
@@ -102,7 +104,7 @@ class VideoFootage:
                 num_dropped += 1
                 continue
             grey = self._grey(picture)
-            is_repeat = before is not None and np.array_equal(grey, before)
+            is_repeat = before is not None and is_same(grey, before, self.luma.bits)
             num_repeats += is_repeat
             if is_repeat and self._drops_repeats:
                 continue
@@ -115,11 +117,19 @@ class VideoFootage:
         if last + max(longest, 0.0) + _TAIL < whole:
             self.remarks.append(f"breaks off at {last:.1f} s of the {whole:.1f} s that it states: it is not whole")
         if num_frames < 2:
-            raise RecordingError(f"{self.name}: holds {num_frames} frames that can be read; events need two")
+            raise RecordingError(f"{self.name}: {self._too_few(num_frames)}")
 
     def close(self) -> None:
         """Give back the file."""
         self._container.close()
+
+    def _too_few(self, num_frames: int) -> str:
+        framing = self._framing
+        frames = f"{num_frames} frame{'s' * (num_frames != 1)}"
+        if framing.start == 0 and framing.stop is None:
+            return f"holds {frames} that can be read; events need two"
+        part = f"from {framing.start:g} s" + ("" if framing.stop is None else f" to {framing.stop:g} s")
+        return f"has {frames} {part}, and is {self._whole:.1f} s long; events need two: choose another part"
 
     def _pictures(self) -> Iterator[av.VideoFrame]:
         """Decoded, de-interlaced where the first frame is interlaced; ends where the file breaks off."""
@@ -143,13 +153,15 @@ class VideoFootage:
 
     def _stated_seconds(self) -> float:
         """Length of the part that is seen, as the file states it; at least one frame's."""
-        seconds = 0.0
-        if self._stream.duration and self._stream.time_base:
-            seconds = float(self._stream.duration * self._stream.time_base)
-        elif self._container.duration:
-            seconds = self._container.duration / 1e6
+        seconds = self._whole
         stop = min(self._framing.stop or seconds, seconds) if seconds else self._framing.stop or 0.0
         return max(stop - self._framing.start, self.interval * self._framing.speed / 1e6)
+
+    def _whole_seconds(self) -> float:
+        """Length of all of it, as the file states it; 0 where it does not."""
+        if self._stream.duration and self._stream.time_base:
+            return float(self._stream.duration * self._stream.time_base)
+        return self._container.duration / 1e6 if self._container.duration else 0.0
 
     def _time(self, picture: av.VideoFrame, last: float) -> float:
         if picture.time is None:
@@ -203,6 +215,18 @@ class VideoFootage:
             )
 
 
+def is_same(one: Shaped[np.ndarray, "h w"], other: Shaped[np.ndarray, "h w"], bits: int) -> bool:
+    """Whether a frame repeats another, up to what an encoder changes when it stores the same picture again.
+
+    Mean and largest difference of code values count, in steps of 8 bits. A scene that moves or fades ever so little
+    changes more: a whole step in a quarter of the picture is a mean of .25, and an edge goes through many steps.
+    """
+    step = 1 << (bits - 8)
+    if cv2.norm(one, other, cv2.NORM_INF) > _SAME_MOST * step:
+        return False
+    return cv2.norm(one, other, cv2.NORM_L1) < _SAME_MEAN * step * one.size
+
+
 class _Deinterlacer:
     """Makes a frame of each field."""
 
@@ -231,6 +255,35 @@ def _luma(first: av.VideoFrame, gamma: float) -> Luma:
     curve = int(first.color_trc)
     tone = Tone(_CURVES.get(curve, "gamma"), _GAMMAS.get(curve, gamma))
     return Luma(bits if is_plane else 16, is_plane and not is_full, is_plane, tone)
+
+
+def _why_not(path: Path, error: BaseException) -> str:
+    """Why FFmpeg does not open a file, in the words of someone who has it on the disk."""
+    size = path.stat().st_size
+    if size == 0:
+        return "is empty; copy it again"
+    if _ends_before_its_index(path, size):
+        return "ends before its index, so that nothing of it can be read: it is not whole; copy it again"
+    return f"cannot be read as a video ({_reason(error)}); MP4 (H.264) always works"
+
+
+def _ends_before_its_index(path: Path, size: int) -> bool:
+    """Whether an MP4 or MOV (ISO/IEC 14496-12: boxes of length, name, content) breaks off and has no `moov` box."""
+    with path.open("rb") as file:
+        place, is_first = 0, True
+        while place + 8 <= size:
+            file.seek(place)
+            head = file.read(16)
+            length, name = int.from_bytes(head[:4], "big"), head[4:8]
+            if is_first and name != b"ftyp":
+                return False
+            if name == b"moov":
+                return False
+            is_first, length = False, int.from_bytes(head[8:16], "big") if length == 1 else length
+            if length < 8:
+                return False
+            place += length
+    return not is_first and place > size
 
 
 def _reason(error: BaseException) -> str:

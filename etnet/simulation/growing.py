@@ -19,6 +19,7 @@ from etnet.events.events import Events, Sensor
 from etnet.events.formats.hdf5.writing import WrittenFile, written_file
 from etnet.events.recording import GroundTruth, Recording, Remark, Span
 from etnet.files import cannot_write
+from etnet.simulation.beginning import Beginning
 from etnet.simulation.footage import Footage
 from etnet.simulation.video import Shown, VideoConfig, footage_of, simulated
 
@@ -69,9 +70,13 @@ class GrowingVideo:
         name: str,
         largest: int = LARGEST,
         opened: Callable[[Path, VideoConfig, Callable[[], bool]], Footage] | None = None,
+        beginning: Beginning | None = None,
     ) -> None:
-        """`opened` gives the video's frames, and may ask while it waits for one whether it is cancelled."""
-        self.config = config
+        """`opened` gives the video's frames, and may ask while it waits for one whether it is cancelled.
+
+        `beginning`: that of this video, seen at this size; what is known of it is not computed once more.
+        """
+        self.config, self._beginning = config, beginning
         self._video, self._out, self._name, self._largest = video, out, name, largest
         self._opened = opened or (lambda video, config, is_cancelled: footage_of(video, config))
         self._changed = Condition()
@@ -138,7 +143,7 @@ class GrowingVideo:
 
     def _simulate(self, file: WrittenFile, frames: Footage, is_cancelled: Callable[[], bool]) -> None:
         began = time.thread_time()
-        for shown in simulated(file, frames, self.config):
+        for shown in simulated(file, frames, self.config, beginning=self._beginning):
             if is_cancelled():
                 raise Cancelled("the simulation was stopped")
             file.check()
@@ -169,6 +174,7 @@ class GrowingVideo:
             return grey(np.asarray(file[f"images/image{index:09d}"]), is_bgr=True)
 
         values = f"contrast {self.config.contrast:g}, noise {self.config.noise:g}"
+        values += f", bandwidth {self.config.cutoff_hz:g} Hz" if self.config.cutoff_hz else ""
         remarks = [Remark("assumed", f"simulated from a video (ESIM, {values}, {sensor} pixels)")]
         if self._frames is not None:
             remarks += [Remark("assumed", said) for said in list(self._frames.remarks)]

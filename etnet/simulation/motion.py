@@ -16,9 +16,7 @@ from jaxtyping import Float32, UInt8
 
 SMALLEST_SIDE = 24
 """Pixels a side below which no flow is looked for."""
-FINEST_PIXELS = 120_000
-"""Pixels up to which flow is refined at full size; on larger pictures at half of it, four times as fast."""
-_SLACK, _SLACK_SHARE = 0.5, 0.1
+_SLACK, _SLACK_SHARE = 0.5, 0.2
 """Pixels, and share of the displacement, by which forward and backward flow may miss each other."""
 _FAITH = 1e-3
 """Weight of a source that the check rejects, where the other is rejected too."""
@@ -30,6 +28,23 @@ CUT_FAILED, CUT_CHANGED = 0.5, 0.35
 Level = Float32[np.ndarray, "h w"]
 Flow = Float32[np.ndarray, "h w 2"]
 Guide = UInt8[np.ndarray, "h w"]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How flow is looked for: the finest scale (0 is full size), patches and their distance there, sweeps that refine
+    it at each scale."""
+
+    finest: int
+    patch: int
+    stride: int
+    sweeps: int
+
+
+SEARCHES = ((10_000, Search(0, 8, 3, 8)), (120_000, Search(1, 12, 3, 12)), (10**9, Search(1, 12, 6, 5)))
+"""By the pixels of a picture up to which each is taken: what costs least for its error (`docs/simulation.md`)."""
+_DESCENTS = 8
+"""Steps by which one patch is fitted."""
 
 
 @runtime_checkable
@@ -84,6 +99,11 @@ class Moving:
     motion: float
     failed: float
 
+    @property
+    def num_bytes(self) -> int:
+        """Memory beyond that of the two frames."""
+        return sum(one.flow.nbytes + one.trust.nbytes for one in (self.forward, self.backward))
+
     def level(self, share: float) -> Level:
         """Each source weighs by its nearness in time and by whether its pixel is seen in the other frame."""
         rest = 1.0 - share
@@ -108,8 +128,13 @@ def motion_between(before: Level, after: Level, guides: tuple[Guide, Guide], flo
 
 def flow_between(first: Guide, second: Guide) -> Flow:
     """Dense flow from the first picture to the second, in pixels."""
+    search = next(search for most, search in SEARCHES if first.size <= most)
     finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-    finder.setFinestScale(0 if first.size <= FINEST_PIXELS else 1)
+    finder.setFinestScale(search.finest)
+    finder.setPatchSize(search.patch)
+    finder.setPatchStride(search.stride)
+    finder.setVariationalRefinementIterations(search.sweeps)
+    finder.setGradientDescentIterations(_DESCENTS)
     return finder.calc(first, second, None)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 

@@ -66,8 +66,8 @@ class PixelSettings:
 
     @property
     def as_attributes(self) -> dict[str, float]:
-        """Name and value of each parameter."""
-        return {one.name: float(getattr(self, one.name)) for one in fields(self)}
+        """Name and value of each parameter, in six digits."""
+        return {one.name: float(f"{getattr(self, one.name):.6g}") for one in fields(self)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 from jaxtyping import Float32
 
 from etnet.events.events import Events, Sensor
+from etnet.simulation.beginning import Beginning
 from etnet.simulation.footage import Frame
 from etnet.simulation.noise import Noise
 from etnet.simulation.sensor import Crossings, PixelArray, SensorTraits, events_of
@@ -64,13 +65,17 @@ class EventSimulator:
         seed: int = 0,
         threads: int = 2,
         exposure_us: float = 0.0,
+        beginning: Beginning | None = None,
     ) -> None:
         self.traits, self.account = traits, Account()
         self.camera: Float32[np.ndarray, "h w"] | None = None
         """Light that an ordinary camera with `exposure_us` collected up to the newest frame."""
         self.flow: Float32[np.ndarray, "2 h w"] | None = None
         """How far what each pixel of the newest frame shows has come since the one before, x and y in pixels."""
-        self._walk = Walk(stepping or Stepping(), traits.dark, min(traits.threshold_on, traits.threshold_off), threads)
+        threshold = min(traits.threshold_on, traits.threshold_off)
+        is_sampled = exposure_us > 0 or traits.cutoff_hz > 0 or traits.low_pass_us > 0
+        stepping = replace(stepping or Stepping(), is_sampled=is_sampled)
+        self._walk = Walk(stepping, traits.dark, threshold, threads, beginning)
         self._rng, self._exposure_us = np.random.default_rng(seed), exposure_us
         self._pixels: PixelArray | None = None
         self._noise: Noise | None = None

@@ -16,6 +16,7 @@ from jaxtyping import Float32, Shaped
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.formats.hdf5.writing import hdf5_to_write
 from etnet.files import check_target, replacing
+from etnet.simulation.beginning import Beginning
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Footage, Frame, Framing
 from etnet.simulation.sensor import SensorTraits
@@ -46,6 +47,8 @@ class VideoConfig:
     pixels: PixelSettings | None = None
     framing: Framing | None = None
     stepping: Stepping = Stepping()  # noqa: RUF009  (frozen)
+    cutoff_hz: float = 0.0
+    """Bandwidth of a white pixel; 0 is no limit. `pixels` replaces it, too."""
     gamma: float = 2.2
     """Tone of a video that states none."""
     drops_repeats: bool = False
@@ -63,6 +66,8 @@ class VideoConfig:
             raise RecordingError(f"contrast is {self.contrast:g}; it takes 0.02 (many events) to 2 (few)")
         if not 0 <= self.noise <= 5:
             raise RecordingError(f"noise is {self.noise:g}; it takes 0 (an ideal sensor) to 5")
+        if not 0 <= self.cutoff_hz < 1e7:
+            raise RecordingError(f"cutoff is {self.cutoff_hz:g} Hz; it takes 0 (no limit) or more")
         if not 0.3 <= self.gamma <= 5:
             raise RecordingError(f"gamma is {self.gamma:g}; it takes 0.3 to 5")
         if self.exposure_us < 0 or not 0 <= self.frame_noise <= 1:
@@ -90,6 +95,7 @@ class VideoConfig:
             shot_hz=_NOISY.shot_hz * self.noise,
             hot_share=_NOISY.hot_share * self.noise,
             hot_hz=_NOISY.hot_hz,
+            cutoff_hz=self.cutoff_hz,
         )
 
     @property
@@ -102,6 +108,7 @@ class VideoConfig:
             pos_thres=traits.threshold_on,
             neg_thres=traits.threshold_off,
             sigma_thres=traits.mismatch * self.contrast,
+            cutoff_hz=traits.cutoff_hz,
             leak_rate_hz=traits.leak_hz,
             shot_noise_rate_hz=traits.shot_hz,
             hot_share=traits.hot_share,
@@ -190,13 +197,17 @@ def simulated(
     footage: Footage,
     config: VideoConfig,
     attributes: Mapping[str, str | int | float] | None = None,
+    beginning: Beginning | None = None,
 ) -> Iterator[Shown]:
-    """Show frame after frame to the sensor and write it with its events."""
+    """Show frame after frame to the sensor and write it with its events. `beginning` is that of this footage."""
     sink, before = RecordingSink(file, footage.sensor), 0.0
     camera_rng = np.random.default_rng([config.seed, 1])
     stepping = Stepping("off") if footage.is_fine else config.stepping
-    with EventSimulator(config.traits, stepping, config.seed, exposure_us=config.exposure_us) as simulator:
-        for index, (frame, events) in enumerate(simulator.run(footage)):
+    frames = footage if beginning is None else beginning.frames(footage)
+    with EventSimulator(
+        config.traits, stepping, config.seed, exposure_us=config.exposure_us, beginning=beginning
+    ) as simulator:
+        for index, (frame, events) in enumerate(simulator.run(frames)):
             sink.append(events)
             if frame.is_stored:
                 sink.add_frame(frame.t, _stored(frame, footage, config, simulator.camera, camera_rng))

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from etnet.errors import RecordingError
+from etnet.simulation.beginning import Beginning
 from etnet.simulation.footage import Frame
 from etnet.simulation.motion import (
     SMALLEST_SIDE,
@@ -29,6 +30,7 @@ from etnet.simulation.motion import (
 
 MOST_STEPS = 32
 """Steps between two frames, at most: what is faster than so many pixels a frame is stepped over coarsely."""
+_STEPS_A_PIXEL = 1.5
 _AHEAD = 2
 """Levels that are prepared while the sensor looks at one; frame pairs whose flow is looked for meanwhile."""
 
@@ -44,13 +46,17 @@ class Stepping:
     """How finely the way from one frame to the next is gone.
 
     "auto" takes as many steps as keep motion at one pixel and a pixel's events at one, for 99 % of the picture and up
-    to `most_steps`; a number takes so many along the flow; "off" runs straight from frame to frame, cuts included.
+    to `most_steps`. Finer than two thirds of a pixel it does not go: there the signal is all but straight, and several
+    events of one step lie on that line. A number takes so many steps along the flow; "off" runs straight from frame to
+    frame, cuts included.
     """
 
     interpolate: Interpolate = "auto"
     most_steps: int = MOST_STEPS
     finds_cuts: bool = True
     learned: Learned | None = None
+    is_sampled: bool = False
+    """The levels themselves count, for an exposure or slow pixels: "auto" then takes steps finer than 2/3 pixel."""
 
     def __post_init__(self) -> None:
         if isinstance(self.interpolate, int) and not 1 <= self.interpolate <= 1000:
@@ -62,7 +68,8 @@ class Stepping:
             return 1
         if isinstance(self.interpolate, int):
             return self.interpolate
-        return min(max(1, math.ceil(motion), math.ceil(change)), self.most_steps)
+        finest = self.most_steps if self.is_sampled else math.ceil(_STEPS_A_PIXEL * motion) + 1
+        return min(max(1, math.ceil(motion), min(math.ceil(change), finest)), self.most_steps)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,9 +101,18 @@ class _Look:
 class Walk:
     """Goes from frame to frame and keeps one of them. Its answers do not depend on the number of threads."""
 
-    def __init__(self, stepping: Stepping, dark: float, threshold: float, threads: int = 2) -> None:
-        """Log intensity is log(light + `dark`); `threshold` is the change of it that makes an event."""
+    def __init__(
+        self,
+        stepping: Stepping,
+        dark: float,
+        threshold: float,
+        threads: int = 2,
+        beginning: Beginning | None = None,
+    ) -> None:
+        """Log intensity is log(light + `dark`); `threshold` is the change of it that makes an event. What is found out
+        about the frames that `beginning` keeps is kept there."""
         self._stepping, self._dark, self._threshold = stepping, dark, threshold
+        self._beginning = beginning or Beginning(0.0, 0)
         self._pool = ThreadPoolExecutor(threads, "simulation") if threads > 1 else None
         self._before: _Look | None = None
 
@@ -131,17 +147,30 @@ class Walk:
             raise RecordingError(f"a frame is {sizes[0]}, the one before was {sizes[1]}; all must have one size")
         if before is not None and frame.t <= before.frame.t:
             raise RecordingError(f"a frame at {frame.t:.0f} µs follows one at {before.frame.t:.0f} µs; stamps ascend")
-        return _Look(frame, cv2.log(frame.light + np.float32(self._dark)), guide_of(frame.light))
+        look = self._beginning.known(frame, "look", self._dark)
+        if look is None:
+            look = _Look(frame, cv2.log(frame.light + np.float32(self._dark)), guide_of(frame.light))
+            self._beginning.keep(frame, "look", self._dark, look, look.level.nbytes + look.guide.nbytes)
+        return look
 
     def _pair(self, before: _Look, after: _Look) -> Callable[[], Between]:
         """Begin to look for motion; the answer is there when it is called."""
         is_small = min(before.level.shape) < SMALLEST_SIDE
         if self._stepping.interpolate == "off" or is_small or after.frame.is_cut:
             return lambda: Straight(before.level, after.level)
+        known = self._beginning.known(after.frame, "motion", self._dark)
+        if known is not None:
+            return lambda: known
         guides = before.guide, after.guide
         there = self._ask(flow_between, *guides)
         back = self._ask(flow_between, *guides[::-1])
-        return lambda: motion_between(before.level, after.level, guides, (there(), back()))
+
+        def found() -> Between:
+            between = motion_between(before.level, after.level, guides, (there(), back()))
+            self._beginning.keep(after.frame, "motion", self._dark, between, between.num_bytes)
+            return between
+
+        return found
 
     def _ask(self, call: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Callable[[], T]:
         """Begin a computation; the answer is there when it is called."""
@@ -171,11 +200,23 @@ class Walk:
                 return learned(before.level, after.level, share)
 
         start, elapsed = before.frame.t, after.frame.t - before.frame.t
+        version = self._dark, num_steps, learned
+        known: list[Level] | None = self._beginning.known(after.frame, "steps", version)
+        if known is not None:
+            yield from ((start + elapsed * k / num_steps, level) for k, level in enumerate(known, start=1))
+            yield after.frame.t, after.level
+            return
+        keeps, gone = self._beginning.holds(after.frame), list[Level]()
         queue = deque(self._ask(level, k / num_steps) for k in range(1, min(_AHEAD + 1, num_steps)))
         for k in range(1, num_steps):
             if k + _AHEAD < num_steps:
                 queue.append(self._ask(level, (k + _AHEAD) / num_steps))
-            yield start + elapsed * k / num_steps, queue.popleft()()
+            found = queue.popleft()()
+            if keeps:
+                gone.append(found)
+            yield start + elapsed * k / num_steps, found
+        if keeps:
+            self._beginning.keep(after.frame, "steps", version, gone, sum(one.nbytes for one in gone))
         yield after.frame.t, after.level
 
 

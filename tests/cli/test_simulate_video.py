@@ -35,6 +35,11 @@ def test_every_format_that_we_write_holds_the_same_events(film, tmp_path, name):
     assert not [path for path in tmp_path.iterdir() if path.name.startswith("etnet-simulate")]
 
 
+def test_a_format_that_we_do_not_write_is_refused_before_the_work(tmp_path, capsys):
+    assert done(tmp_path / "a.txt", "--video", tmp_path / "is not even looked for.mp4") == 1
+    assert 'no layout is known for ".txt"; name one of' in capsys.readouterr().err
+
+
 def test_a_cameras_size_and_single_parameters_are_taken(film, tmp_path, capsys):
     out = tmp_path / "a.h5"
     assert done(out, "--video", film, "--camera", "davis240c", "--cutoff-hz", 100, "--interpolate", 3) == 0

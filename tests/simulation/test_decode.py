@@ -118,6 +118,32 @@ def test_repeated_frames_are_counted_and_left_out_on_request(tmp_path):
     assert [round(frame.t / 1e6 * 30) for frame in frames] == [0, 2, 4, 6, 8, 10]
 
 
+def test_an_encoder_does_not_hide_repeats_and_slow_motion_is_none(tmp_path):
+    pictures = drifting(6, 3.0, (96, 72))
+    twice = [picture for picture in pictures for _ in range(2)]
+    footage, frames = watched(write_film(tmp_path / "telecine.mp4", twice), drops_repeats=True)
+    assert said(footage, "6 of 12 frames repeat")
+    assert len(frames) == 6
+    footage, _ = watched(write_film(tmp_path / "slow.mkv", drifting(6, 0.1), codec="ffv1", pixels="gray"))
+    assert not said(footage, "repeat")
+
+
+def test_a_part_beyond_the_end_says_how_long_the_film_is(tmp_path):
+    path = write_film(tmp_path / "a.mp4", drifting(6))
+    with pytest.raises(RecordingError, match=r"has 0 frames from 5 s, and is 0.2 s long; events need two"):
+        watched(path, framing=Framing(start=5.0))
+
+
+def test_an_mp4_without_its_index_and_an_empty_file_are_told_as_what_they_are(tmp_path):
+    content = write_film(tmp_path / "whole.mp4", drifting(30, size=(320, 240))).read_bytes()
+    (tmp_path / "half.mp4").write_bytes(content[: len(content) // 2])
+    with pytest.raises(RecordingError, match=r"half.mp4: ends before its index.*copy it again"):
+        VideoFootage(tmp_path / "half.mp4")
+    (tmp_path / "empty.mp4").touch()
+    with pytest.raises(RecordingError, match=r"empty.mp4: is empty"):
+        VideoFootage(tmp_path / "empty.mp4")
+
+
 def test_a_film_that_breaks_off_is_used_up_to_there_and_said(tmp_path):
     path = write_film(tmp_path / "whole.mkv", drifting(200, size=(320, 240)), options={"g": "10"})
     content = path.read_bytes()

@@ -77,7 +77,7 @@ def test_the_frames_themselves_are_the_ends_of_the_way():
 
 def test_steps_keep_motion_at_a_pixel_and_a_pixels_events_at_one_up_to_a_cap():
     shown = lights(KnownScene(6.0, num_frames=2))
-    for threshold, most, low, high in ((10.0, 32, 6, 12), (0.2, 64, 10, 40), (0.01, 32, 32, 32)):
+    for threshold, most, low, high in ((10.0, 32, 6, 12), (0.2, 64, 8, 16), (0.01, 64, 10, 16), (0.01, 8, 8, 8)):
         walk = Walk(Stepping(most_steps=most), 0.01, threshold, threads=1)
         walk.to(Frame(0.0, shown[0]))
         passage = walk.to(Frame(FRAME_US, shown[1]))

@@ -24,7 +24,8 @@ class ReconstructionPanel(Panel):
         """Draw the newest frame and the camera's nearest one."""
         tools = tools_html(page) if page.areas.get("reconstruction") in ("a", "b") else ""
         self._reconstruction.show(card("reconstruction", "Reconstruction", shown_html(page), page.areas, tools=tools))
+        title = "Camera" if page.video is None else "Video"
         if page.moment is None:
-            self._camera.show(card("camera", "Camera", "", page.areas))
+            self._camera.show(card("camera", title, "", page.areas))
             return
-        self._camera.show(card("camera", "Camera", camera_frame_html(page.moment, tones=tones_of(page)), page.areas))
+        self._camera.show(card("camera", title, camera_frame_html(page.moment, tones=tones_of(page)), page.areas))

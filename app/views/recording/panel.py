@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from html import escape
 from typing import Any
 
 import viser
 
 from app.catalogue.recording_id import listed_id
-from app.catalogue.videos import CONTRASTS, NOISES, USUAL, film_id
 from app.engine.jobs import JobResult
 from app.engine.requests import Precision
 from app.html.card import card
 from app.html.choices import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
+from app.html.controls import button
 from app.html.uploads import handing_html
 from app.state import intents as ask
 from app.views.compare.state import CompareState
@@ -25,7 +24,6 @@ from app.views.recording.html.examination import closed_html, doctor_html
 from app.views.recording.html.fitness import fitness_button_html, fitness_html
 from app.views.recording.html.networks import networks_html
 from app.views.recording.html.sensor import binning_html, sensor_words
-from app.views.recording.html.video import film_html
 from app.views.recording.jobs.examination import SLOT
 from app.views.recording.jobs.fitness import SLOT as FITNESS_SLOT
 from app.views.recording.state import TRIM_SLOT, RecordingState
@@ -48,11 +46,7 @@ class RecordingPanel(Panel):
         self._models: dict[str, str] = {}
         self._recording = gui.add_dropdown("Recording", ("–",))
         self._handing = Html(gui)
-        low, high = CONTRASTS
-        self._contrast = gui.add_slider("Contrast threshold", low, high, 0.05, USUAL[0], visible=False)
-        self._noise = gui.add_slider("Sensor noise", *NOISES, 0.1, USUAL[1], visible=False)
         self._film = Html(gui)
-        self._recording_id = ""
         self._statement = Statement()
         self._statement.build(gui, dispatch)
         self._kind = gui.add_dropdown("Windowing", KINDS)
@@ -63,8 +57,6 @@ class RecordingPanel(Panel):
         self._cut = Html(gui)
         arithmetic: dict[str, Precision] = {text: name for name, text in PRECISIONS.items()}
         on_visitor(self._recording, lambda title: _opened(self._recordings.get(title)), dispatch)
-        on_visitor(self._contrast, lambda contrast: self._seen(float(contrast), self._noise.value), dispatch)
-        on_visitor(self._noise, lambda noise: self._seen(self._contrast.value, float(noise)), dispatch)
         on_visitor(self._kind, lambda kind: ask.ChoosePolicy(policy_of(kind, DEFAULTS.get(kind, 0.0))), dispatch)
         on_visitor(self._number, self._policy_with, dispatch)
         on_visitor(self._model, lambda title: _chosen(self._models.get(title)), dispatch)
@@ -80,29 +72,13 @@ class RecordingPanel(Panel):
         """Let the widgets say what is open, and list what was noticed on opening it."""
         _offer(self._recording, self._recordings, page.recordings, listed_id(page.state.recording_id))
         self._handing.show("" if page.uploads is None else handing_html(page.uploads))
-        self._show_film(page)
+        self._film.show("" if page.video is None else _film())
         self._statement.show(page)
         _offer(self._model, self._models, page.models, page.state.model_id)
         assign(self._precision, PRECISIONS[page.state.precision])
         self._show_policy(page.state.policy)
         self._facts.show(_facts(page, has_log=not _is_examined(page)))
         self._cut.show(_cut(page))
-
-    def _seen(self, contrast: float, noise: float) -> ask.Intent | None:
-        """The same video under another setting."""
-        is_shown = self._recording_id and math.isfinite(contrast) and math.isfinite(noise)
-        return ask.ReopenRecording(film_id(self._recording_id, contrast, noise)) if is_shown else None
-
-    def _show_film(self, page: Page) -> None:
-        film = page.video
-        self._recording_id = "" if film is None else page.state.recording_id
-        for slider in (self._contrast, self._noise):
-            if slider.visible != (film is not None):
-                slider.visible = film is not None
-        if film is not None:
-            assign(self._contrast, film.contrast)
-            assign(self._noise, film.noise)
-        self._film.show("" if film is None else film_html(film))
 
     def _policy_with(self, number: float) -> ask.Intent | None:
         return ask.ChoosePolicy(policy_of(self._kind.value, float(number))) if number > 0 else None
@@ -116,6 +92,11 @@ class RecordingPanel(Panel):
         if kind != "camera frames" and seconds_since_touched(self._number) > 0.4:
             self._number.step = STEPS[kind]
             assign(self._number, number)
+
+
+def _film() -> str:
+    """Where a video's own settings are."""
+    return f'<div class="et">{button("Sensor of the video …", "tab:video")}</div>'
 
 
 def _opened(recording_id: str | None) -> ask.Intent | None:
@@ -170,6 +151,11 @@ def _writing(names: tuple[str, ...]) -> str:
         return ""
     listed = escape(", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else ""))
     return f'<div class="et-note" data-testid="growing">Being written, and offered once it rests: {listed}</div>'
+
+
+def _is_examined(page: Page) -> bool:
+    result = _examination(page)
+    return page.state.of(RecordingState).examines and result is not None and result.is_whole
 
 
 def _examination(page: Page) -> JobResult | None:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from app.catalogue.recording_id import is_of, listed_id, stated_id, stated_in
 from app.catalogue.recordings import Catalogue
-from app.catalogue.videos import film_id
+from app.catalogue.videos import FilmSetting, film_id
 from app.config import ViewerConfig
 from app.views.recording.assumptions_panel import sensor_of
 from etnet.errors import EtnetError
@@ -43,7 +43,7 @@ def test_an_id_that_a_page_made_up_is_understood_or_refused(text):
 
 
 def test_a_film_and_another_file_are_not_the_file():
-    assert listed_id(film_id("data-0a1b", 0.3, 1.0)) == "data-0a1b"
+    assert listed_id(film_id("data-0a1b", FilmSetting(0.3, 1.0))) == "data-0a1b"
     assert not is_of("data-0a1bc", "data-0a1b")
 
 

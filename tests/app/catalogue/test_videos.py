@@ -7,7 +7,7 @@ import torch
 
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.catalogue.uploads import UploadLimits, Uploads
-from app.catalogue.videos import KEPT, Videos, VideoShown, film_id, split_id
+from app.catalogue.videos import KEPT, FilmSetting, Videos, film_id, is_simulated, split_id
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE
 from app.config import ViewerConfig
@@ -16,7 +16,6 @@ from app.session.loader import RecordingLoader
 from app.session.opening import Opened, Opening, Unopened
 from app.state.intents import PlayTo, RenameRecording, ReopenRecording, Seek, Settle
 from app.state.view_state import Limits, ViewState
-from app.views.recording.html.video import film_html
 from etnet.errors import EtnetError
 from etnet.playback.playback import Playback
 from etnet.simulation.growing import FEWEST_FRAMES
@@ -25,6 +24,8 @@ from tests.app.fakes import CountingModel, Shelf
 from tests.app.reducing import reduce
 from tests.simulation.test_growing import stepped, video  # noqa: F401
 from tests.simulation.test_video import drifting, write
+
+USUAL = FilmSetting()
 
 
 @pytest.fixture
@@ -47,11 +48,13 @@ def until(condition):
 @pytest.mark.parametrize(
     ("given", "parts"),
     [
-        ("data-ab12", ("data-ab12", (0.2, 0.2))),
-        ("data-ab12~0.35~1.50", ("data-ab12", (0.35, 1.5))),
-        ("data-ab12~9.99~1.50", ("data-ab12~9.99~1.50", (0.2, 0.2))),
-        ("data-ab12~0.35", ("data-ab12~0.35", (0.2, 0.2))),
-        ("~0.35~nan", ("~0.35~nan", (0.2, 0.2))),
+        ("data-ab12", ("data-ab12", USUAL)),
+        ("data-ab12~0.35~1.50~50~160", ("data-ab12", FilmSetting(0.35, 1.5, 50, 160))),
+        ("data-ab12~9.99~1.50~50~160", ("data-ab12~9.99~1.50~50~160", USUAL)),
+        ("data-ab12~0.35~1.50~51~160", ("data-ab12~0.35~1.50~51~160", USUAL)),
+        ("data-ab12~0.35~1.50~50~999", ("data-ab12~0.35~1.50~50~999", USUAL)),
+        ("data-ab12~0.35~1.50", ("data-ab12~0.35~1.50", USUAL)),
+        ("~0.35~nan~0~320", ("~0.35~nan~0~320", USUAL)),
     ],
 )
 def test_a_setting_is_part_of_the_id_and_one_that_is_not_offered_is_none(given, parts):
@@ -59,14 +62,15 @@ def test_a_setting_is_part_of_the_id_and_one_that_is_not_offered_is_none(given, 
 
 
 def test_a_setting_replaces_the_former_one_and_is_brought_to_what_is_offered():
-    assert film_id("data-ab12~0.35~1.50", 0.5, 0.0) == "data-ab12~0.50~0.00"
-    assert film_id("data-ab12", 99.0, -1.0) == "data-ab12~1.00~0.00"
+    assert film_id("data-ab12~0.35~1.50~50~160", FilmSetting(0.5, 0.0)) == "data-ab12~0.50~0.00~0~320"
+    assert film_id("data-ab12", FilmSetting(99.0, -1.0, 40, 9999)) == "data-ab12~1.00~0.00~50~480"
 
 
 def test_a_simulation_is_one_for_all_who_look_and_ends_with_the_last(videos, video):  # noqa: F811
     videos.begin("one", "v", video, "drift")
     videos.begin("other", "v", video, "drift")
     assert videos.open("v").name == "drift"
+    assert is_simulated(videos.open("v"))
     videos.watch("one", None)
     assert videos.shown("v") is not None
     until(lambda: videos.shown("v").is_over)
@@ -82,8 +86,8 @@ def test_another_setting_ends_the_simulation_before_it(videos, tmp_path, monkeyp
     path = write(tmp_path / "clip.mp4", drifting(6))
     videos.begin("one", "v", path, "clip")
     first = videos._films["v"]
-    videos.begin("one", "v~0.50~0.20", path, "clip")
-    assert list(videos._films) == ["v~0.50~0.20"]
+    videos.begin("one", "v~0.50~0.20~0~320", path, "clip")
+    assert list(videos._films) == ["v~0.50~0.20~0~320"]
     assert first.cancelled.is_set()
     assert videos.forgotten == ["v"]
     with pytest.raises(EtnetError):
@@ -92,12 +96,12 @@ def test_another_setting_ends_the_simulation_before_it(videos, tmp_path, monkeyp
 
 def test_of_whole_simulations_that_nobody_looks_at_a_few_are_kept(videos, video):  # noqa: F811
     for number in range(KEPT + 2):
-        videos.begin("one", f"v~0.{number + 2}0~0.20", video, "drift")
-        videos.open(f"v~0.{number + 2}0~0.20")
-        until(lambda: videos.shown(f"v~0.{number + 2}0~0.20").is_over)  # noqa: B023
+        videos.begin("one", f"v~0.{number + 2}0~0.20~0~320", video, "drift")
+        videos.open(f"v~0.{number + 2}0~0.20~0~320")
+        until(lambda: videos.shown(f"v~0.{number + 2}0~0.20~0~320").is_over)  # noqa: B023
     videos.watch("one", None)
     assert len(videos._films) == KEPT
-    assert videos.forgotten == ["v~0.20~0.20", "v~0.30~0.20"]
+    assert videos.forgotten == ["v~0.20~0.20~0~320", "v~0.30~0.20~0~320"]
 
 
 def test_a_playback_that_has_grown_gives_what_one_of_the_whole_gives(stepped):  # noqa: F811
@@ -170,8 +174,8 @@ def test_another_setting_keeps_the_moment():
     windows = plan_windows(Shelf().recordings["r"], ByCount(50))
     limits = Limits(None, windows, 0)
     state = reduce(ViewState("v", "m", policy=ByCount(50)), Seek(7), limits)
-    anew = reduce(state, ReopenRecording("v~0.50~0.20"), limits)
-    assert anew.recording_id == "v~0.50~0.20"
+    anew = reduce(state, ReopenRecording("v~0.50~0.20~0~320"), limits)
+    assert anew.recording_id == "v~0.50~0.20~0~320"
     assert anew.moment == windows[7].t_stop
     assert reduce(anew, Settle(ByCount(50)), limits).index == 7
 
@@ -186,7 +190,7 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_i
     transfer.take(content)
     arrived = transfer.finish()
     own, other = VisitorCatalogue(catalogue, own_files), VisitorCatalogue(catalogue, uploads.desk())
-    anew = film_id(arrived, 0.4, 0.0)
+    anew = film_id(arrived, FilmSetting(0.4, 0.0))
     for one in (arrived, anew):
         with pytest.raises(CatalogueError):
             other.open(one)
@@ -194,7 +198,7 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_i
     assert catalogue.films._films == {}
     own.looks_at(anew)
     assert own.open(anew).name == "holiday.mp4"
-    assert own.film(anew).contrast == 0.4
+    assert own.film(anew).setting == FilmSetting(0.4, 0.0)
     path = catalogue.films._films[anew].path
     own.close()
     own_files.close()
@@ -202,14 +206,6 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_i
     assert not path.exists()
     uploads.close()
     catalogue.close()
-
-
-def test_the_delay_is_said_in_one_line():
-    html = film_html(VideoShown(0.2, 0.2, done=3.0, total=12.0, work=1.5, is_over=False))
-    assert "3.0 of 12.0 s" in html
-    assert "A second of video takes 1.5 s of work here" in html
-    assert "the last 9.0 s take about 14 s more" in html
-    assert "all of its 12.0 s are there" in film_html(VideoShown(0.2, 0.2, 12.0, 12.0, 1.5, True))
 
 
 def test_messages_of_another_recording_change_nothing():

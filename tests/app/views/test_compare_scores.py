@@ -150,7 +150,7 @@ def test_a_long_plan_is_scored_where_frames_exist_and_grows_with_them(engine, mo
 
 def test_a_frame_is_scored_once_for_strip_and_moment(engine, monkeypatch):
     strip = answer(engine, Strip(request(policy=ByDuration(17_000)), "paper"))
-    monkeypatch.setattr(looking, "_judged", lambda *_: pytest.fail("scored once more"))
+    monkeypatch.setattr("app.engine.frame_scores._judged", lambda *_: pytest.fail("scored once more"))
     index = int(strip.indices[2])
     frame = made_up().ground_truth.nearest(int(strip.stamps[2]))
     values = answer(engine, MomentScore(request(index, ByDuration(17_000)), "paper", frame))

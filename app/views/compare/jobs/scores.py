@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from app.engine.byte_cache import ByteCache
+from app.engine.frame_scores import Values, frame_values, judges
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.state.run import Rule
 from etnet.windows import Window
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from etnet.evaluation.evaluate import Judges
     from etnet.evaluation.match import Pair
 
 MOST_WINDOWS = 600
 """A plan of so many windows is scored whole; of a longer one, the windows whose frames exist."""
-Values = Mapping[str, float]
-"""Measure → value. "mse", "ssim", "lpips" only where there is a camera frame to hold against."""
-
-_SCORES = ByteCache(4 << 20)
-"""Values by what they depend on: a strip that is asked for again continues."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +32,7 @@ class MomentScore:
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Values, float]]:
         """One answer."""
-        values, _ = _values(loaded, self.request, self.request.index, self.rule, self.frame, cancelled)
+        values, _ = frame_values(loaded, self.request, self.request.index, self.rule, self.frame, cancelled)
         yield values, 1.0
 
 
@@ -87,7 +78,7 @@ class Strip:
         for done, pair in enumerate(order, start=1):
             frame = pair.frame if pair.frame >= 0 else None
             window = playback.windows[pair.prediction]
-            values, is_new = _values(loaded, self.request, pair.prediction, self.rule, frame, cancelled)
+            values, is_new = frame_values(loaded, self.request, pair.prediction, self.rule, frame, cancelled)
             found[pair.prediction] = _Scored(window, pair.frame, pair.lag, values)
             if is_new or done == len(order):  # what was known before takes no time and is no news by itself
                 yield _strip(loaded, found, len(order), is_sparse), done / len(order)
@@ -116,7 +107,7 @@ class ProtocolRun:
         from etnet.evaluation.protocol import PROTOCOLS
 
         playback = loaded.playback
-        evaluation = Evaluation(playback.model, playback.recording, PROTOCOLS[self.rule], _judges())
+        evaluation = Evaluation(playback.model, playback.recording, PROTOCOLS[self.rule], judges())
         for share in evaluation.run():
             yield evaluation.scores(), share
 
@@ -155,61 +146,3 @@ def _strip(loaded: LoadedPlayback, found: Mapping[int, _Scored], num_wanted: int
         num_wanted,
         is_sparse,
     )
-
-
-def _values(
-    loaded: LoadedPlayback,
-    request: FrameRequest,
-    index: int,
-    rule: Rule,
-    frame: int | None,
-    cancelled: Callable[[], bool],
-) -> tuple[Values, bool]:
-    """A window's values, and whether they had to be found now."""
-    request = replace(request, index=index, wants_attention=False)
-    made: list[Values] = []
-
-    def make() -> Values:
-        made.append(_judged(loaded, request, rule, frame, cancelled))
-        return made[0]
-
-    values = _SCORES.get((request, loaded.contract, rule, frame), make, lambda values: 64 * len(values))
-    return values, bool(made)
-
-
-def _judged(
-    loaded: LoadedPlayback, request: FrameRequest, rule: Rule, frame: int | None, cancelled: Callable[[], bool]
-) -> Values:
-    import torch
-
-    from etnet.evaluation.evaluate import FrameJudge
-    from etnet.evaluation.lpips import MIN_SIDE
-    from etnet.evaluation.metrics import contrast, sharpness
-    from etnet.evaluation.protocol import PROTOCOLS
-
-    playback, intervention = loaded.playing(request)
-    raw = playback.frame(request.index, intervention)
-    if raw is None:
-        raw = playback.at(request.index, None, intervention, cancelled).frame
-    judge = FrameJudge(PROTOCOLS[rule], _judges())
-    with torch.inference_mode():
-        image = judge.prepare(raw.float().cpu(), getattr(playback.model, "post_processing", "none"))
-        target = None if frame is None else _target(loaded, frame)
-        if target is None or target.shape != image.shape or min(image.shape[-2:]) < MIN_SIDE:
-            return {"sharpness": sharpness(image).item(), "contrast": contrast(image).item()}
-        return {str(name): value for name, value in judge.score(image, target, judge.features(target)).items()}
-
-
-def _target(loaded: LoadedPlayback, frame: int) -> Tensor:
-    import torch
-
-    truth = loaded.playback.recording.ground_truth
-    assert truth is not None
-    return torch.from_numpy(np.ascontiguousarray(truth.read_frame(frame), np.float32))[None, None]
-
-
-@cache
-def _judges() -> Judges:
-    from etnet.evaluation.evaluate import Judges
-
-    return Judges.default()

@@ -1,0 +1,31 @@
+"""A video as an event camera would have seen it: its settings, how far it is made, and how good the frames are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.views.video.jobs import film_jobs
+from app.views.video.state import VideoState
+from app.views.view import View
+
+if TYPE_CHECKING:
+    import viser
+
+    from app.views.panel import Panel
+
+
+def _panel(client: viser.ClientHandle) -> Panel:
+    from app.views.video.panel import VideoPanel
+
+    return VideoPanel()
+
+
+VIEW = View(
+    "video",
+    "Video",
+    "MOVIE",
+    VideoState(),
+    _panel,
+    settings_in=frozenset({"inspect", "recording"}),
+    run_jobs=film_jobs,
+)
