@@ -28,6 +28,7 @@ from etnet.events.formats.ros.image_messages import IMAGES
 from etnet.events.formats.ros.mcap import MAGIC, read_mcap
 from etnet.events.formats.ros.messages import EVENT_ARRAYS, EVENT_PACKETS, Packet, parse_array, parse_packet
 from etnet.events.formats.ros.pictures import Pictures
+from etnet.events.formats.ros.trigger_messages import STAMPED, TopicTriggers
 
 _SQLITE = b"SQLite format 3\0"
 _STREAMS = {"evt3": EVT["3.0"], "evt2": EVT["2.0"], "evt21": EVT21}
@@ -47,6 +48,7 @@ class _Bag:
     sensor: Sensor | None = None
     encoding: str = ""
     others: set[str] = field(default_factory=set)
+    triggers: TopicTriggers = field(default_factory=TopicTriggers)
     cut: str | None = None
     done: float = 0.0
     """How much of the file the messages so far are, 0 … 1."""
@@ -59,6 +61,9 @@ class _Bag:
         kind = plain_type(message.type)
         if kind in IMAGES:
             self.pictures.take(message)
+            return None
+        if kind in STAMPED:
+            self.triggers.take(message, self.is_cdr)
             return None
         if kind not in EVENT_ARRAYS and kind not in EVENT_PACKETS:
             return None
@@ -159,8 +164,15 @@ def _open_messages(
     if bag.cut is not None:
         remarks.repaired(f"the file breaks off ({bag.cut}); what comes before is kept")
     truth = bag.pictures.ground_truth(collected.span, remarks)
+    triggers = collected.triggers
+    if triggers is None:
+        triggers = bag.triggers.triggers(collected.span, contents.topics, remarks)
+    elif bag.triggers.stamps:
+        remarks.detected(
+            f"the packets have triggers, so those of {', '.join(sorted(bag.triggers.stamps))} are not shown"
+        )
     kept = tuple(remarks.kept)
-    return Opened(label, collected.source, collected.sensor, collected.span, kept, truth, triggers=collected.triggers)
+    return Opened(label, collected.source, collected.sensor, collected.span, kept, truth, triggers=triggers)
 
 
 def _decoded(first: Decoded, parts: Iterator[Decoded | Packet]) -> Iterator[Decoded]:
@@ -220,7 +232,7 @@ def _joined(first: Packet, parts: Iterator[Decoded | Packet]) -> Iterator[list[P
 
 
 def _contents(request: Request) -> Contents:
-    wanted = EVENT_ARRAYS + EVENT_PACKETS + IMAGES
+    wanted = EVENT_ARRAYS + EVENT_PACKETS + IMAGES + STAMPED
     return Contents(lambda kind: kind in wanted, lambda fraction: request.progress(min(fraction, 0.99)))
 
 
