@@ -83,8 +83,12 @@ def open_table(request: Request, table: Table, remarks: Remarks) -> Opened:
     declared = table.sensor
     if declared is None and table.frames is not None and request.assume.sensor is None:
         declared = _size_of_frames(table.frames, x, y, request, remarks)
-    t, clock = _unrolled(t, request)
-    unit = _unit(table, t, _num_pixels(x, y, declared, request), request, remarks)
+    looked_at, clock = _looked_at(t), WrappingClock()
+    if _falls(looked_at):
+        t, clock = _unrolled(t, request)
+        looked_at = _looked_at(t) if clock.turns else looked_at
+    _advise_on_resolution(looked_at[-1], remarks)
+    unit = _unit(table, num_events, looked_at, _num_pixels(x, y, declared, request), request, remarks)
     clock.say(remarks, "us" if isinstance(t, _Seconds) else unit)
     offset = _offset(table, t, unit, remarks)
 
@@ -140,19 +144,18 @@ def _num_pixels(x: Column, y: Column, declared: Sensor | None, request: Request)
     return (reach.high_x + 1) * (reach.high_y + 1)
 
 
-def _unit(table: Table, t: Column, num_pixels: int, request: Request, remarks: Remarks) -> TimeUnit:
-    _advise_on_resolution(t, remarks)
+def _unit(
+    table: Table, num_events: int, looked_at: list[np.ndarray], num_pixels: int, request: Request, remarks: Remarks
+) -> TimeUnit:
     if table.fixed is not None:
         return table.fixed
     if table.settled is not None and request.assume.time_unit is None:
         return table.settled
-    return judged_unit(_evidence(t, num_pixels), request.assume, remarks, table.usual, table.kind)
+    return judged_unit(_evidence(num_events, looked_at, num_pixels), request.assume, remarks, table.usual, table.kind)
 
 
 def _unrolled(t: Column, request: Request) -> tuple[Column, WrappingClock]:
     """The column with stamps that go on where a clock of fewer bits wrapped; as it is where none did."""
-    if np.asarray(t[:1]).dtype.kind not in "iuf" or not _falls(t):
-        return t, WrappingClock()
     for scale in (1, 10**6) if np.asarray(t[:1]).dtype.kind == "f" else (1,):
         clock, path = WrappingClock(), request.scratch.path("t.unrolled", 8 * len(t))
         with path.open("wb") as file:
@@ -173,22 +176,25 @@ def _unrolled(t: Column, request: Request) -> tuple[Column, WrappingClock]:
     return t, WrappingClock()
 
 
-def _falls(t: Column) -> bool:
+def _looked_at(t: Column) -> list[np.ndarray]:
+    """All of a short column by pages, of a long one some slices."""
+    return [np.asarray(t[part]) for part in places_of(len(t))]
+
+
+def _falls(looked_at: list[np.ndarray]) -> bool:
     """Whether time runs back where it is looked at."""
     before = -np.inf
-    for part in places_of(len(t)):
-        values = np.asarray(t[part])
+    for values in looked_at if looked_at[0].dtype.kind in "iuf" else ():
         if len(values) and (values[0] < before or bool((values[1:] < values[:-1]).any())):
             return True
         before = values[-1] if len(values) else before
     return False
 
 
-def _evidence(t: Column, num_pixels: int) -> Evidence:
+def _evidence(num_events: int, looked_at: list[np.ndarray], num_pixels: int) -> Evidence:
     """The earliest and the latest stamp of those looked at: they need not be the first and the last."""
     lowest, highest, has_fractions, is_fine = np.inf, -np.inf, False, False
-    for part in places_of(len(t)):
-        values = np.asarray(t[part])
+    for values in looked_at:
         if values.dtype.kind == "f":
             values = values[np.isfinite(values)]
             has_fractions = has_fractions or bool((values != np.rint(values)).any())
@@ -197,7 +203,7 @@ def _evidence(t: Column, num_pixels: int) -> Evidence:
             lowest, highest = min(lowest, float(values.min())), max(highest, float(values.max()))
     if lowest > highest:
         lowest = highest = 0.0
-    return Evidence(len(t), lowest, highest, num_pixels, has_fractions, is_fine)
+    return Evidence(num_events, lowest, highest, num_pixels, has_fractions, is_fine)
 
 
 def _is_finer_than_thousandths(values: np.ndarray) -> bool:
@@ -206,9 +212,9 @@ def _is_finer_than_thousandths(values: np.ndarray) -> bool:
     return bool((np.abs(scaled - np.rint(scaled)) > slack).any())
 
 
-def _advise_on_resolution(t: Column, remarks: Remarks) -> None:
+def _advise_on_resolution(values: np.ndarray, remarks: Remarks) -> None:
     """Floats of 32 bits hold no late stamps, those of 16 none at all: say how coarse they are at the end."""
-    last = np.asarray(t[len(t) - 1 :])
+    last = values[-1:]
     if last.dtype not in _COARSE or not np.isfinite(last[0]) or abs(float(last[0])) < _COARSE[last.dtype]:
         return
     step = float(np.spacing(np.abs(last[0])))
