@@ -99,7 +99,7 @@ def test_sorting_two_recordings_into_one_is_told_loudly(tmp_path):
 def test_fractions_of_thousandths_are_ms_where_they_make_no_seconds(tmp_path, stored, unit):
     t, said = opened(save_npz(tmp_path / "a.npz", stored))
     np.testing.assert_array_equal(t, T)
-    assert f"stamps count {unit}" in said
+    assert f"time unit {unit}" in said
 
 
 def test_ms_since_1970_are_no_microseconds(tmp_path):
