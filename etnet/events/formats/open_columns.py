@@ -83,12 +83,12 @@ def open_table(request: Request, table: Table, remarks: Remarks) -> Opened:
     declared = table.sensor
     if declared is None and table.frames is not None and request.assume.sensor is None:
         declared = _size_of_frames(table.frames, x, y, request, remarks)
-    looked_at, clock = _looked_at(t), WrappingClock()
-    if _falls(looked_at):
+    _advise_on_resolution(np.asarray(t[num_events - 1 :]), remarks)
+    look, clock = _look(t), WrappingClock()
+    if look.falls:
         t, clock = _unrolled(t, request)
-        looked_at = _looked_at(t) if clock.turns else looked_at
-    _advise_on_resolution(looked_at[-1], remarks)
-    unit = _unit(table, num_events, looked_at, _num_pixels(x, y, declared, request), request, remarks)
+        look = _look(t) if clock.turns else look
+    unit = _unit(table, look, _num_pixels(x, y, declared, request), request, remarks)
     clock.say(remarks, "us" if isinstance(t, _Seconds) else unit)
     offset = _offset(table, t, unit, remarks)
 
@@ -144,14 +144,14 @@ def _num_pixels(x: Column, y: Column, declared: Sensor | None, request: Request)
     return (reach.high_x + 1) * (reach.high_y + 1)
 
 
-def _unit(
-    table: Table, num_events: int, looked_at: list[np.ndarray], num_pixels: int, request: Request, remarks: Remarks
-) -> TimeUnit:
+def _unit(table: Table, look: _Look, num_pixels: int, request: Request, remarks: Remarks) -> TimeUnit:
     if table.fixed is not None:
         return table.fixed
     if table.settled is not None and request.assume.time_unit is None:
         return table.settled
-    return judged_unit(_evidence(num_events, looked_at, num_pixels), request.assume, remarks, table.usual, table.kind)
+    return judged_unit(
+        look.evidence(len(table.columns["t"]), num_pixels), request.assume, remarks, table.usual, table.kind
+    )
 
 
 def _unrolled(t: Column, request: Request) -> tuple[Column, WrappingClock]:
@@ -176,34 +176,41 @@ def _unrolled(t: Column, request: Request) -> tuple[Column, WrappingClock]:
     return t, WrappingClock()
 
 
-def _looked_at(t: Column) -> list[np.ndarray]:
-    """All of a short column by pages, of a long one some slices."""
-    return [np.asarray(t[part]) for part in places_of(len(t))]
+@dataclass
+class _Look:
+    """What is seen of the stamps, all of a short column and some of a long one: the earliest and the latest need not be
+    the first and the last.
+    """
 
+    lowest: float = np.inf
+    highest: float = -np.inf
+    before: float = -np.inf
+    falls: bool = False
+    has_fractions: bool = False
+    is_fine: bool = False
 
-def _falls(looked_at: list[np.ndarray]) -> bool:
-    """Whether time runs back where it is looked at."""
-    before = -np.inf
-    for values in looked_at if looked_at[0].dtype.kind in "iuf" else ():
-        if len(values) and (values[0] < before or bool((values[1:] < values[:-1]).any())):
-            return True
-        before = values[-1] if len(values) else before
-    return False
-
-
-def _evidence(num_events: int, looked_at: list[np.ndarray], num_pixels: int) -> Evidence:
-    """The earliest and the latest stamp of those looked at: they need not be the first and the last."""
-    lowest, highest, has_fractions, is_fine = np.inf, -np.inf, False, False
-    for values in looked_at:
+    def take(self, values: np.ndarray) -> None:
+        """Take in a piece."""
         if values.dtype.kind == "f":
             values = values[np.isfinite(values)]
-            has_fractions = has_fractions or bool((values != np.rint(values)).any())
-            is_fine = is_fine or _is_finer_than_thousandths(values)
-        if len(values):
-            lowest, highest = min(lowest, float(values.min())), max(highest, float(values.max()))
-    if lowest > highest:
-        lowest = highest = 0.0
-    return Evidence(num_events, lowest, highest, num_pixels, has_fractions, is_fine)
+            self.has_fractions = self.has_fractions or bool((values != np.rint(values)).any())
+            self.is_fine = self.is_fine or _is_finer_than_thousandths(values)
+        if len(values) and values.dtype.kind in "iuf":
+            runs_back = bool(values[0] < self.before) or bool((values[1:] < values[:-1]).any())
+            self.falls, self.before = self.falls or runs_back, values[-1]
+            self.lowest, self.highest = min(self.lowest, float(values.min())), max(self.highest, float(values.max()))
+
+    def evidence(self, num_events: int, num_pixels: int) -> Evidence:
+        """What tells the unit."""
+        first, last = (self.lowest, self.highest) if self.lowest <= self.highest else (0.0, 0.0)
+        return Evidence(num_events, first, last, num_pixels, self.has_fractions, self.is_fine)
+
+
+def _look(t: Column) -> _Look:
+    look = _Look()
+    for part in places_of(len(t)):
+        look.take(np.asarray(t[part]))
+    return look
 
 
 def _is_finer_than_thousandths(values: np.ndarray) -> bool:
