@@ -178,9 +178,7 @@ def _unrolled(t: Column, request: Request) -> tuple[Column, WrappingClock]:
 
 @dataclass
 class _Look:
-    """What is seen of the stamps, all of a short column and some of a long one: the earliest and the latest need not be
-    the first and the last.
-    """
+    """What is seen of the stamps, all of a short column, some of a long one; the earliest need not be the first."""
 
     lowest: float = np.inf
     highest: float = -np.inf
