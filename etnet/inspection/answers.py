@@ -80,6 +80,11 @@ def _of_attention(asked: Asked, index: int) -> tuple[str, ...]:
             last += f".{asked.quantity}"
         case "value_weighted":
             last = call("mass.value_weighted", _ATTENTION, site, Verbatim(f"[{token}]")) + ".by_head"
+            if asked.head is not None:  # one map, as shares; of the mean, what all heads hand over together
+                part = ".joint" if asked.head == "mean" else ".by_head[:, 0]"
+                first += f"\nfound = {last.removesuffix('.by_head')}{part}"
+                last = call("entropy.choose_head", Verbatim("found / found.sum(-1, keepdim=True)"), asked.head)
+                last = "found[0] / found[0].sum()" if asked.head == "mean" else last
         case "received":
             last = call("mass.received", _ATTENTION, site) + ".times_uniform"
         case "rollout":
@@ -87,7 +92,7 @@ def _of_attention(asked: Asked, index: int) -> tuple[str, ...]:
             last = call("rollout.rollout", _ATTENTION, token, **asked.given("discard"), **fusion) + ".weights"
         case _:
             last = call("links.strongest_links", _ATTENTION, token, asked.count)
-    return (first, f"array = {last}")
+    return (*first.split("\n"), f"array = {last}")
 
 
 def _of_features(asked: Asked, index: int, then: Described | None) -> tuple[str, ...]:

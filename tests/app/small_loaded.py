@@ -2,9 +2,14 @@
 
 from app.engine.playbacks import LoadedPlayback, Pace
 from app.engine.requests import FrameRequest
+from etnet.events.open import open_recording
+from etnet.nets.presets import build_model
 from etnet.nets.runtime import contract_of
-from etnet.windows import ByCount
-from tests.inspection.small import EVENTS_A_WINDOW, small_playback
+from etnet.nets.weights import load_model, save_weights
+from etnet.playback.playback import Playback
+from etnet.windows import ByCount, plan_windows
+from tests.inspection.small import EVENTS_A_WINDOW, NUM_WINDOWS, SENSOR, small_playback
+from tests.strategies import make_events
 
 POLICY = ByCount(EVENTS_A_WINDOW)
 SITE = "scale2.decoder.0.cross"
@@ -25,3 +30,16 @@ def request_of(index, **more):
 
 def whole(job, loaded):
     return [answer for answer, _ in job.run(loaded, lambda: False)][-1]
+
+
+def opened_in(folder):
+    """A file, weights, and their playback as the engine holds it: what lines of Python find by name."""
+    events = make_events(NUM_WINDOWS * EVENTS_A_WINDOW, SENSOR)
+    rows = [f"{t / 1e6:.6f} {x} {y} {int(p > 0)}"
+            for t, x, y, p in zip(events.t, events.x, events.y, events.p, strict=True)]  # fmt: skip
+    file, weights = folder / "made up.txt", folder / "tiny.safetensors"
+    file.write_text(f"{SENSOR.width} {SENSOR.height}\n" + "\n".join(rows) + "\n")
+    save_weights(build_model("tiny"), weights, dtype=None)
+    recording, model = open_recording(file), load_model(weights)
+    playback = Playback(model, recording, plan_windows(recording, POLICY))
+    return LoadedPlayback(playback, contract_of(model), 4, Pace(), 1.0), str(file), str(weights)

@@ -13,6 +13,7 @@ from app.views.attention.jobs.site import feature_of_word
 from app.views.attention.state import other_moment
 
 if TYPE_CHECKING:
+    from app.engine.requests import FrameRequest
     from etnet.inspection.asked import Asked
 
 LINES = {"map": "map", "heads": "heads", "tokens": "tokens", "time": "over time"}
@@ -68,7 +69,7 @@ def snippet(shown: Shown) -> str:
 
     page, slice_, look = shown.page, shown.slice_, shown.look
     assert page.moment is not None
-    named = Named(page.file_name or "recording", page.model.source)
+    named = _named(shown, shown.ready.request)
     now = described(page.moment, shown.ready, named)
     match slice_.lines:
         case "heads":
@@ -80,7 +81,7 @@ def snippet(shown: Shown) -> str:
             there = other_moment(page.state, shown.ready.request)
             if there is None:
                 return python_of(now, Asked("similarity", feature=feature, pixel=look.query))
-            other = described(page.moment, shown.ready, Named(named.recording, there.model_id), there)
+            other = described(page.moment, shown.ready, _named(shown, there), there)
             return python_of(other, Asked("similarity", feature=feature, pixel=look.query), now)
         case "time":
             return python_of(described(page.moment, shown.ready, named, shown.ready.request.plain), _time(shown))
@@ -88,12 +89,19 @@ def snippet(shown: Shown) -> str:
     apart = difference_of(shown)
     if apart is not None:
         held = apart.pinned
-        then = described(page.moment, shown.ready, Named(named.recording, held.request.model_id), held.request)
+        then = described(page.moment, shown.ready, _named(shown, held.request), held.request)
         asked = Asked("map_difference", shown.site, pixel=look.query, head=head, direction=look.direction)
         return python_of(now, asked, then)
     if slice_.weight == "value" and look.direction == "attends to":
-        return python_of(now, Asked("value_weighted", shown.site, shown.token))
+        return python_of(now, Asked("value_weighted", shown.site, shown.token, head=head))
     return python_of(now, Asked("map", shown.site, shown.token, head=head, direction=look.direction))
+
+
+def _named(shown: Shown, request: FrameRequest) -> Named:
+    """Names of a request's recording and network; that of another network than the page's is its id."""
+    page = shown.page
+    is_other = request.model_id != shown.ready.request.model_id
+    return Named(page.file_name or "recording", request.model_id if is_other else page.model.source)
 
 
 def _heads(shown: Shown) -> Asked:

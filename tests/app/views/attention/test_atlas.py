@@ -50,7 +50,7 @@ def test_a_bar_of_the_atlas_is_the_decode_under_that_mask(loaded, page_of):
     expected = float((masked - original)[0, 0, y, x])
     assert float(found.on_pixel(x, y)[found.sites.index(SITE), 1]) == expected
     page = Checker(atlas_text(page_of(jobs=[("atlas", job)])))
-    words = f"head 1: {expected:+.4f}".replace("-", "−")
+    words = f"head 1: {effect_words(expected)}"
     said = {attrs["data-etv-site"]: i for i, (_, attrs) in enumerate(page.tags) if "data-etv-site" in attrs}
     bars = next(attrs for _, attrs in page.tags[said[SITE] :] if attrs.get("class") == "et-effects")
     assert words in bars["title"]

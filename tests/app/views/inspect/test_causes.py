@@ -8,14 +8,11 @@ import torch
 
 from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
-from app.engine.playbacks import LoadedPlayback, Pace
 from app.engine.requests import FrameRequest, Ready
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.state.view_state import ViewState
 from app.views import VIEWS
-from app.views.attention.html.code import snippet as map_snippet
-from app.views.attention.html.shown import shown_of
 from app.views.attention.state import AttentionState
 from app.views.inspect.html.causes import search_html, sources_html
 from app.views.inspect.html.on_timeline import change_on_timeline
@@ -28,19 +25,16 @@ from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
 from app.views.view import changing_views
 from etnet.events.edit import EventEdit
-from etnet.events.open import open_recording
 from etnet.inspection import causal_search, sources, twin
+from etnet.inspection.follow import follow, pixels_of
+from etnet.inspection.rollout import rollout
+from etnet.inspection.through_time import Track, attention_through_time
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
-from etnet.nets.runtime import contract_of
-from etnet.nets.weights import load_model, save_weights
-from etnet.playback.playback import Playback
-from etnet.windows import ByCount, plan_windows
 from tests.app.checked_html import Checker
-from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
+from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, opened_in, request_of, whole
 from tests.inspection.small import SENSOR
-from tests.strategies import make_events
 
 INDEX = 4
 ZEROED = Intervention(zeroed_levels=frozenset({1, 2, 3}))
@@ -155,17 +149,7 @@ def test_a_change_is_marked_on_the_timeline_in_every_workspace(loaded):
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """A file, weights, and their playback as the engine holds it."""
-    folder = tmp_path_factory.mktemp("moment")
-    events = make_events(8 * 150, SENSOR)
-    rows = [f"{t / 1e6:.6f} {x} {y} {int(p > 0)}"
-            for t, x, y, p in zip(events.t, events.x, events.y, events.p, strict=True)]  # fmt: skip
-    file, weights = folder / "made up.txt", folder / "tiny.safetensors"
-    file.write_text(f"{SENSOR.width} {SENSOR.height}\n" + "\n".join(rows) + "\n")
-    save_weights(build_model("tiny"), weights, dtype=None)
-    recording, model = open_recording(file), load_model(weights)
-    playback = Playback(model, recording, plan_windows(recording, ByCount(150)))
-    return LoadedPlayback(playback, contract_of(model), 4, Pace(), 1.0), str(file), str(weights)
+    return opened_in(tmp_path_factory.mktemp("moment"))
 
 
 def values_of(opened_, found):
@@ -210,6 +194,27 @@ def made_by(opened_, found, array):
     return array
 
 
+@pytest.mark.parametrize("fusion", ["max", "min"])
+def test_a_rollout_fuses_heads_as_it_was_asked(loaded, fusion):
+    state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY)
+    state = state.put(InspectState(opened="rollout", fusion=fusion))
+    job = inspect_jobs(state, request_of(INDEX))["inspect.rolled"]
+    attention = loaded.playback.at(INDEX, AttentionProbe()).attention
+    expected = rollout(attention, attention.grid.token_at(*QUERY), fusion=fusion)
+    assert np.array_equal(whole(job, loaded).weights, expected.weights.numpy())
+
+
+def test_a_kymograph_stays_on_the_patch_that_is_followed(loaded):
+    state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY)
+    state = state.put(InspectState(opened="time"), AttentionState(site=SITE, follows=True))
+    found = whole(inspect_jobs(state, request_of(INDEX))["inspect.followed"], loaded)
+    recording, windows = loaded.playback.recording, loaded.playback.windows
+    path = pixels_of(follow(recording, windows, INDEX, QUERY, 0))
+    assert found.indices == tuple(sorted(path))
+    moments = attention_through_time(loaded.playback, path, sorted(path), frozenset({SITE}), head="mean")
+    assert np.array_equal(found.entropy, Track.of(moments).entropy[:, 0, 0].numpy())
+
+
 @pytest.mark.parametrize("inspector", SLOTS)
 def test_the_lines_of_every_inspector_give_what_it_shows_to_the_last_digit(opened, inspector):
     loaded, file, weights = opened
@@ -238,23 +243,6 @@ def test_the_lines_of_every_inspector_give_what_it_shows_to_the_last_digit(opene
         assert np.array_equal(np.asarray(made), shown), asked_of(page, result)
     else:
         assert made == shown
-
-
-def test_the_lines_of_the_map_give_the_map(opened):
-    loaded, file, weights = opened
-    mask = Intervention(masked_heads=frozenset({(SITE, 0)}))
-    request = FrameRequest("r", "m", "fp32", POLICY, INDEX, True, mask)
-    step = loaded.playback.at(INDEX, AttentionProbe(), mask)
-    frame = step.frame[0, 0].numpy()
-    ready = Ready(request, frame, step.attention, 1.0, True, False, False, loaded.contract, INDEX)
-    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
-    for head, direction in ((None, "attends to"), (2, "attended by")):
-        state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY)
-        state = state.put(AttentionState(site=SITE, head=head, direction=direction))
-        page = Page(state, moment, ready, file_name=file, model=ModelFacts("tiny", source=weights))
-        names = {}
-        exec(map_snippet(shown_of(page)), names)
-        assert np.array_equal(names["array"].numpy(), shown_of(page).row())
 
 
 def test_a_networks_parts_and_what_it_lacks_are_one_answer():

@@ -22,7 +22,7 @@ from app.views.inspect.html.importance import attended_html, matters_html
 from app.views.inspect.html.network_input import given_html
 from app.views.inspect.html.overview import NEEDS
 from app.views.inspect.jobs import memory, parts, pixel
-from app.views.inspect.panel import inspector_html
+from app.views.inspect.panel import InspectPanel, inspector_html
 from app.views.inspect.scene_cloud import traced_cloud
 from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
@@ -309,3 +309,32 @@ def test_norms_are_those_of_the_states(loaded, moment):
     state = ViewState(index=5).put(InspectState(opened="state"))
     page = Checker(inspector_html(page_of(state, moment, None, network=anatomy, norms=(job, norms))))
     assert "over the last 6 windows" in page.text
+
+
+class Drawn:
+    """A page's element that keeps what it was sent."""
+
+    def __init__(self):
+        self.sent = []
+
+    def show(self, content):
+        self.sent.append(content)
+
+
+def test_in_a_drag_an_open_inspector_stands_still_and_says_so(loaded, moment):
+    job = parts.AblatedPartsJob(request_of(5).plain)
+    state = ViewState(index=5, query=QUERY)
+    page = page_of(state, moment, None, ablated=(job, whole(job, loaded)))
+    panel = InspectPanel()
+    panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
+    panel.show_settings(page)
+    for index in (6, 7):
+        panel.show_settings(replace(page, state=replace(state, index=index), is_moving=True))
+    assert len(panel._body.sent) == 1
+    assert panel._lag.sent[1:] == [panel._lag.sent[1]] * 2  # equal text is not sent again
+    assert "shows window 5" in panel._lag.sent[1]
+    panel.show_settings(replace(page, state=replace(state, index=7, query=(1, 2)), is_moving=True))
+    assert len(panel._body.sent) == 2  # a hand changed something
+    panel.show_settings(replace(page, state=replace(state, index=7)))
+    assert len(panel._body.sent) == 3  # at rest
+    assert panel._lag.sent[-1] == ""

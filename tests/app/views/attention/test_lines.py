@@ -1,0 +1,95 @@
+"""Copy as Python: the lines of each card of the attention workspace give what it shows, to the last digit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.jobs import JobResult
+from app.html.moment import Moment
+from app.html.provenance import ModelFacts
+from app.views.attention.html.code import snippet
+from app.views.attention.html.shown import shown_of
+from app.views.attention.jobs.attention import attention_jobs
+from app.views.attention.state import AttentionState
+from app.views.page import Page
+from etnet.nets.intervention import Intervention
+from tests.app.small_loaded import POLICY, QUERY, SITE, opened_in, request_of, whole
+from tests.app.views.attention.small_page import INDEX, STATE, ready_of
+
+NEEDED = {"map": ("site",), "heads": ("atlas",), "tokens": ("tokens", "tokens_also", "basis"), "time": ("curve",)}
+MASK = Intervention(masked_heads=frozenset({(SITE, 0)}))
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    return opened_in(tmp_path_factory.mktemp("lines"))
+
+
+def shown_by(opened, slice_, change=MASK):
+    needed = NEEDED[slice_.lines]
+    loaded, file, weights = opened
+    request = request_of(INDEX, wants_attention=True, intervention=change)
+    state = STATE.put(slice_)
+    asked = attention_jobs(state, request)
+    wanted = {slot: job for slot, job in asked.items() if slot.removeprefix("attention.") in needed}
+    results = {slot: JobResult(job, whole(job, loaded), 1.0, True) for slot, job in wanted.items()}
+    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
+    page = Page(state, moment, ready_of(loaded, request), results=results, file_name=file,
+                model=ModelFacts("tiny", source=weights))  # fmt: skip
+    return shown_of(page)
+
+
+def made_by(shown):
+    text = snippet(shown)
+    assert len(text.splitlines()) <= 10, text
+    names = {}
+    exec(text, names)
+    return np.asarray(names["array"])
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {},
+        {"head": 2, "direction": "attended by"},
+        {"gather": "max"},
+        {"weight": "value"},
+        {"weight": "value", "head": 1},
+    ],
+)
+def test_the_lines_of_the_map_give_the_map(opened, asked):
+    shown = shown_by(opened, AttentionState(site=SITE, **asked))
+    assert np.array_equal(made_by(shown), shown.row())
+
+
+def test_the_lines_of_the_heads_give_their_effects(opened):
+    shown = shown_by(opened, AttentionState(site=SITE, lines="heads"))
+    assert np.array_equal(made_by(shown), shown.result("atlas").on_pixel(*QUERY).numpy())
+
+
+@pytest.mark.parametrize("word", ["tokens", "hidden 2"])
+def test_the_lines_of_the_tokens_give_similarity_here_and_elsewhere_and_colours(opened, word):
+    slice_ = AttentionState(site=SITE, lines="tokens", feature=word)
+    shown = shown_by(opened, slice_)
+    assert np.array_equal(made_by(shown), shown.feature("tokens").similarity(QUERY))
+    shown = shown_by(opened, replace(slice_, also="10 back"), Intervention())
+    there = shown.page.results["attention.tokens_also"].value
+    assert np.array_equal(made_by(shown), there.similarity(QUERY, of=shown.feature("tokens")))
+    shown = shown_by(opened, replace(slice_, tokens="pca"))
+    colours = shown.feature("basis").colours(shown.feature("tokens").map)
+    assert np.array_equal(made_by(shown), np.asarray(colours))
+
+
+@pytest.mark.parametrize("follows", [False, True])
+@pytest.mark.parametrize(("curve", "head"), [("entropy", None), ("effect", 1), ("effect", None)])
+def test_the_lines_of_the_curve_give_the_curve(opened, curve, head, follows):
+    shown = shown_by(opened, AttentionState(site=SITE, lines="time", curve=curve, head=head, follows=follows))
+    found = shown.page.results["attention.curve"].value
+    made = made_by(shown)
+    assert np.array_equal(made[:, 0], found.values) if curve == "entropy" else np.array_equal(made, found.values[:, 0])
+
+
+def test_the_lines_of_local_mass_give_the_curve(opened):
+    shown = shown_by(opened, AttentionState(site=SITE, lines="time", curve="mass"))
+    assert np.array_equal(made_by(shown)[:, 0], shown.page.results["attention.curve"].value.values)
