@@ -19,7 +19,7 @@ DENSEST = 1.0
 """Events per pixel and window up to which they do well."""
 SPARE = 1.25
 """Windows last so much longer than a step, so that a busy moment is made up for."""
-LONGEST = 0.25
+LONGEST = 0.125
 """Seconds of the longest window that is chosen for a slow step. A slower one is met by merging what waits, which also
 ends with the busy moment in which a step was measured."""
 _STEPS = 3
