@@ -176,7 +176,9 @@ class ViewerConfig:
         if self.views and self.is_open:
             raise ConfigError("--view runs your own code: it is not for --demo, --public-url or another --host")
         if self.live is None and self.source != LiveConfig():
-            raise ConfigError("--keep, --record, --sensor, --layout, --loop and --rate say how --live is taken; add --live")
+            raise ConfigError(
+                "--keep, --record, --sensor, --layout, --loop and --rate say how --live is taken; add --live"
+            )
         if self.live is not None and (self.roi or self.flip != "none" or self.rotate):
             raise ConfigError("--live is shown whole; leave --roi, --flip and --rotate out")
         if self.source.record is not None:
