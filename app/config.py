@@ -67,6 +67,8 @@ class LiveConfig:
     """Of a stream: es (Event Stream), t64_x16_y16_on8 or t32_x16_y15_on1 (faery's)."""
     loop: bool = False
     """Replay a recording again and again."""
+    rate: tuple[float, float] | None = None
+    """Lowest and highest Mev/s: the biases of an EVK4 or DAVIS346 follow to stay between."""
 
     def buffer(self) -> Keep:
         """`keep`, understood."""
@@ -174,7 +176,9 @@ class ViewerConfig:
         if self.views and self.is_open:
             raise ConfigError("--view runs your own code: it is not for --demo, --public-url or another --host")
         if self.live is None and self.source != LiveConfig():
-            raise ConfigError("--keep, --record, --sensor, --layout and --loop say how --live is taken; add --live")
+            raise ConfigError(
+                "--keep, --record, --sensor, --layout, --loop and --rate say how --live is taken; add --live"
+            )
         if self.live is not None and (self.roi or self.flip != "none" or self.rotate):
             raise ConfigError("--live is shown whole; leave --roi, --flip and --rotate out")
         if self.source.record is not None:

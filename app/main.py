@@ -89,12 +89,14 @@ def open_feed(config: ViewerConfig) -> LiveFeed | None:
     """The live source of a configuration, which is not started yet."""
     from app.catalogue.live import LiveFeed
     from etnet.live.open import open_source
+    from etnet.live.rate import follower_of
 
     if config.live is None:
         return None
     source = open_source(config.live, config.source.options(), tell=lambda said: print(said, flush=True))
     try:
-        return LiveFeed(source, config.source.buffer(), config.downsample, config.source.record)
+        follower = follower_of(source, config.source.rate)
+        return LiveFeed(source, config.source.buffer(), config.downsample, config.source.record, follower)
     except BaseException:
         source.close()
         raise

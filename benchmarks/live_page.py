@@ -1,7 +1,7 @@
 """A live page: how many images a second, and how far events and images are behind a replayed 240×180 recording.
 
-`python live_page.py --seconds 30`. A page without a screen follows `etnet-view --live FILE --loop`; after each tenth of
-the time the bare network makes a few steps in the same process, as the floor. Of all tenths the best is told, too,
+`python live_page.py --seconds 30`. A page without a screen follows `etnet-view --live FILE --loop`; after each fifth of
+the time the bare network makes a few steps in the same process, as the floor. Of all fifths the best is told, too,
 because the machine may be busy.
 """
 
@@ -36,7 +36,7 @@ def _pages(viewer: Viewer) -> list[tuple[float, Page]]:
 async def _followed(viewer: Viewer, seconds: float) -> dict[str, list[float]]:
     """For each page that is drawn: ms that its newest event and its image are behind, and each new image's window."""
     found: dict[str, list[float]] = {"events": [], "image": [], "windows": [], "steps": []}
-    until, last, shown = time.monotonic() + seconds, 0.0, -1
+    until, last, shown, busy = time.monotonic() + seconds, 0.0, -1, time.process_time()
     assert viewer.live is not None
     while time.monotonic() < until:
         await asyncio.sleep(LOOK)
@@ -55,47 +55,50 @@ async def _followed(viewer: Viewer, seconds: float) -> dict[str, list[float]]:
                     found["image"].append(1000 * (image - since))
                 found["windows"].append((window.t_stop - window.t_start) / 1000)
                 found["steps"].append(page.step_milliseconds or 0.0)
+    found["cpu"] = [1000 * (time.process_time() - busy)]
     return found
 
 
-def _bare_steps(viewer: Viewer) -> float:
-    """ms of the fastest of a few steps of the same network at the same size."""
+def _bare_steps(viewer: Viewer) -> tuple[float, float]:
+    """ms, and CPU ms, of the fastest of a few steps of the same network at the same size."""
     import torch
 
     model, _ = viewer.engine._playbacks.model(viewer.default.model_id, viewer.default.precision)
     seen = viewer.live.seen
-    voxel, state, took = torch.randn(1, model.bins, seen.height, seen.width), None, []
+    voxel, state, took, busy = torch.randn(1, model.bins, seen.height, seen.width), None, [], []
     with torch.inference_mode():
         for _ in range(4):
-            began = time.perf_counter()
+            began, at = time.perf_counter(), time.thread_time()
             state = model(voxel, state).state
             took.append(1000 * (time.perf_counter() - began))
-    return min(took[1:])
+            busy.append(1000 * (time.thread_time() - at))
+    return min(took[1:]), min(busy[1:])
 
 
 async def measured(config: ViewerConfig, seconds: float) -> list[dict[str, object]]:
-    """One row for the whole time and one for the best tenth."""
+    """One row for the whole time and one for the best fifth."""
     viewer = Viewer(config)
     try:
         async with Browser.open(viewer.port) as browser:
             await browser.until_shown('data-testid="is-live"', PATIENCE)
             await browser.until(lambda: any(page.ready is not None for _, page in _pages(viewer)), PATIENCE)
             await asyncio.sleep(2)
-            tenths = []
-            for _ in range(10):
-                found = await _followed(viewer, seconds / 10)
-                found["floor"] = [await asyncio.to_thread(_bare_steps, viewer)]
+            fifths = []
+            for _ in range(5):
+                found = await _followed(viewer, seconds / 5)
+                floor, cpu_floor = await asyncio.to_thread(_bare_steps, viewer)
+                found["floor"], found["cpu_floor"] = [floor], [cpu_floor]
                 await _followed(viewer, 1.0)  # what waited meanwhile is made up for
-                tenths.append(found)
+                fifths.append(found)
             windowing = viewer.live.shown(None, False).windowing
     finally:
         viewer.stop()
-    best = max(tenths, key=lambda found: len(found["image"]))
-    whole = {name: [value for found in tenths for value in found[name]] for name in best}
+    best = max(fifths, key=lambda found: len(found["image"]))
+    whole = {name: [value for found in fifths for value in found[name]] for name in best}
     what = f"etnet-half {config.precision}, {config.threads} threads, {viewer.live.seen}"
     return [
         {"what": f"{what}: all", "windowing": windowing, **_row(whole, seconds)},
-        {"what": f"{what}: the best tenth", "windowing": windowing, **_row(best, seconds / 10)},
+        {"what": f"{what}: the best fifth", "windowing": windowing, **_row(best, seconds / 5)},
     ]
 
 
@@ -107,6 +110,8 @@ def _row(found: dict[str, list[float]], seconds: float) -> dict[str, object]:
         "window_ms": window,
         "step_ms": step,
         "bare_step_ms": min(found["floor"]),
+        "cpu_ms_per_image": sum(found["cpu"]) / max(len(found["image"]), 1),
+        "bare_step_cpu_ms_of_one_thread": min(found["cpu_floor"]),
         "events_behind_ms_median": statistics.median(found["events"]),
         "events_behind_ms_95": statistics.quantiles(found["events"], n=20)[-1],
         "image_behind_ms_median": statistics.median(found["image"]),

@@ -20,6 +20,7 @@ from etnet.events.recording import Recording, Remark
 from etnet.live.binning import Binned, Downsample, fitting_downsample
 from etnet.live.buffer import Keep
 from etnet.live.log import windows_as_cut
+from etnet.live.rate import RateFollower
 from etnet.live.record import Recorder
 from etnet.live.recording import LiveRecording
 from etnet.live.source import LiveSource, Setting
@@ -96,10 +97,11 @@ class LiveFeed:
         keep: Keep | None = None,
         downsample: Downsample | None = None,
         record: Path | None = None,
+        follower: RateFollower | None = None,
     ) -> None:
-        """`record`: a file that everything is written to from the first event on."""
+        """`record`: a file that everything is written to from the first event on. `follower` keeps the event rate."""
         self.id = f"live-{secrets.token_hex(4)}"
-        self.live = LiveRecording(source, keep)
+        self.live = LiveRecording(source, keep, follower)
         self.downsample: Downsample = downsample or fitting_downsample(source.sensor)
         self.seen = Sensor(*(-(-side // self.downsample) for side in (source.sensor.width, source.sensor.height)))
         self.windows: LiveWindows | None = None

@@ -205,7 +205,7 @@ class Engine:
 
     def _stepped(self, loaded: LoadedPlayback, request: FrameRequest, step: Step, began: float) -> None:
         """A live window's frame is at hand for all who ask for it."""
-        loaded.pace.note(None, (time.perf_counter() - began) * 1000)
+        loaded.pace.note_whole((time.perf_counter() - began) * 1000)
         loaded.state_bytes = step.state.nbytes
         self._paces[request.playback] = loaded.pace
         self._recent.keep(ready_of(loaded, request, step.frame, None, began))

@@ -76,6 +76,13 @@ class Pace:
 
     encode: float | None = None
     decode: float | None = None
+    whole: float | None = None
+    """Of steps that were measured as one."""
+
+    def note_whole(self, step: float) -> None:
+        """Add a measurement of a step in which nobody looked at its halves."""
+        self.whole = _follow(self.whole, step)
+        self.decode = _follow(self.decode, step - (self.encode or 0.0))
 
     def note(self, encode: float | None, decode: float | None) -> None:
         """Add a measurement; the mean follows it by a third."""
@@ -84,8 +91,8 @@ class Pace:
 
     @property
     def step(self) -> float | None:
-        """One whole step, ms; `None` before both halves were measured."""
-        return None if self.encode is None or self.decode is None else self.encode + self.decode
+        """One whole step, ms; `None` before it, or both halves, were measured."""
+        return self.whole if self.encode is None or self.decode is None else self.encode + self.decode
 
     def seek(self, num_replayed: int) -> float:
         """What a seek over so many windows will take, ms; 0 while nothing was measured."""

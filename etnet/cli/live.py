@@ -17,7 +17,7 @@ from etnet.cli.policy import parse_policy
 from etnet.cli.progress import console
 from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, open_source, parsed_keep, parsed_sensor
-from etnet.live.rate import Band, RateFollower
+from etnet.live.rate import follower_of
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
 
@@ -139,11 +139,7 @@ def opened(text: str, options: LiveOptions, is_stopped: Event) -> Iterator[LiveR
         lambda said: console.print(said, markup=False, soft_wrap=True),
     )
     try:
-        follower = None
-        if options.rate is not None:
-            lowest, highest = (1e6 * limit for limit in options.rate)
-            follower = RateFollower(getattr(source, "kind", source.format), Band(lowest, highest))
-        live = LiveRecording(source, keep, follower)
+        live = LiveRecording(source, keep, follower_of(source, options.rate))
     except BaseException:
         source.close()
         raise

@@ -19,7 +19,7 @@ DENSEST = 1.0
 """Events per pixel and window up to which they do well."""
 SPARE = 1.25
 """Windows last so much longer than a step, so that a busy moment is made up for."""
-LONGEST = 0.25
+LONGEST = 0.125
 """Seconds of the longest window that is chosen for a slow step. A slower one is met by merging what waits, which also
 ends with the busy moment in which a step was measured."""
 _STEPS = 3
@@ -54,13 +54,14 @@ def fitting_policy(step_seconds: float, events_per_second: float, sensor: Sensor
     fits = min(SPARE * step_seconds, LONGEST)
     density = events_per_second * fits / sensor.num_pixels
     said = f"a step takes {1000 * step_seconds:.0f} ms at {sensor}"
-    joined = "; they are merged while a step is slower" if SPARE * step_seconds > LONGEST else ""
+    merged = "; they are merged while a step is slower" if SPARE * step_seconds > LONGEST else ""
     rate = f"{events_per_second / 1e6:.2f} Mev/s"
     if density <= DENSITY:
-        return Pace(ByDensity(DENSITY), step_seconds, f"{said}: windows of {DENSITY} events per pixel{joined}")
+        return Pace(ByDensity(DENSITY), step_seconds, f"{said}: windows of {DENSITY} events per pixel{merged}")
     if density <= DENSEST:
         rounded = round(density + 0.005, 2)
-        words = f"{said}, {rate}: windows of {rounded:g} events per pixel{joined}"
+        words = f"{said}, {rate}: windows of {rounded:g} events per pixel{merged}"
         return Pace(ByDensity(rounded), step_seconds, words)
     milliseconds = max(5, -(-round(1000 * fits) // 5) * 5)
-    return Pace(ByDuration(1000 * milliseconds), step_seconds, f"{said}, {rate}: windows of {milliseconds} ms{joined}")
+    said = f"{said}, {rate}: windows of {milliseconds} ms{merged}"
+    return Pace(ByDuration(1000 * milliseconds), step_seconds, said)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from etnet.errors import RecordingError
-from etnet.live.source import Setting
+from etnet.live.source import LiveSource, Setting
 
 LOOK_EVERY = 500_000
 """µs over which the rate is taken, and from one change to the next."""
@@ -56,6 +56,17 @@ def following(kind: str, settings: Sequence[Setting], rate: float, band: Band) -
             if value != setting.value:
                 changes.append((name, value))
     return tuple(changes)
+
+
+def follower_of(source: LiveSource, rate: tuple[float, float] | None) -> RateFollower | None:
+    """What keeps a camera between the lowest and the highest rate (Mev/s); `None` where neither is stated.
+
+    Raises RecordingError for a source whose biases it does not know.
+    """
+    if rate is None:
+        return None
+    lowest, highest = (1e6 * limit for limit in rate)
+    return RateFollower(getattr(source, "kind", source.format), Band(lowest, highest))
 
 
 class RateFollower:

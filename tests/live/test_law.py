@@ -130,7 +130,7 @@ def test_windows_are_chosen_so_that_a_step_fits_and_that_is_said():
     assert isinstance(dense.policy, ByDensity)
     assert 0.62 < dense.policy.events_per_pixel < 0.65
     assert "a step takes 100 ms at 200×100, 0.10 Mev/s" in dense.said
-    assert fitting_policy(0.1, 10_000_000, sensor).policy == ByDuration(125_000)
+    assert fitting_policy(0.08, 10_000_000, sensor).policy == ByDuration(100_000)
     assert "merged" not in dense.said
 
 
@@ -139,8 +139,8 @@ def test_a_busy_moment_at_the_start_makes_no_windows_of_seconds_for_the_rest():
     times = iter([0, 9, 9, 20, 20, 21.5, 21.5, 40])
     assert measured_step(MODEL, SENSOR, lambda: next(times)) == 1.5
     slow = fitting_policy(1.5, 10_000_000, SENSOR)
-    assert slow.policy == ByDuration(250_000)
-    assert slow.said.endswith("windows of 250 ms; they are merged while a step is slower")
+    assert slow.policy == ByDuration(125_000)
+    assert slow.said.endswith("windows of 125 ms; they are merged while a step is slower")
 
 
 def test_a_step_that_becomes_slow_gets_its_windows_merged_and_when_it_is_fast_again_they_come_one_by_one():

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from app.config import ConfigError, LiveConfig, ViewerConfig
-from app.main import with_a_camera
+from app.main import open_feed, with_a_camera
 from app.session import demo
 from app.state import intents as ask
 from etnet.errors import RecordingError
@@ -153,6 +153,8 @@ def test_what_does_not_go_with_live_is_refused_by_name(tmp_path):
         ViewerConfig(source=LiveConfig(loop=True))
     with pytest.raises(ConfigError, match="leave --roi"):
         ViewerConfig(live="camera", roi="1,1,5,5")
+    with pytest.raises(RecordingError, match="on evk4 and davis346 only"):
+        open_feed(ViewerConfig(live="udp:0", source=LiveConfig(sensor="40x28", rate=(0.5, 3.0))))
     with pytest.raises(RecordingError, match="no layout"):
         ViewerConfig(live="camera", source=LiveConfig(record=tmp_path / "a.txt"))
     with pytest.raises(RecordingError, match="--keep"):

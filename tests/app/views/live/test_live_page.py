@@ -29,6 +29,7 @@ def test_the_frames_that_are_shown_live_and_called_exact_are_those_of_the_record
                 return len(shown)
 
             await browser.until(lambda: collected() >= 8)
+            assert viewer.page.step_milliseconds > 0
             await browser.use(browser.widget("Window"), 1)
             await browser.until(lambda: viewer.page.state.index == 1 and viewer.page.ready is not None)
             before = len(shown)
