@@ -101,6 +101,7 @@ def rows_of(path: Path, model: torch.nn.Module, judge: torch.nn.Module) -> list[
             }
             for who, events in made.items():
                 row: dict[str, object] = {"recording": path.stem, "frames": name, "who": who}
+                print(f"{path.stem}, {name}: {who}", flush=True)
                 row |= asdict(statistics(events, edges, (edges[-1] - edges[0]) / 1e6))
                 row["correlation"] = voxel_correlation(real, events, edges)
                 row["lpips"] = perceived(events, frames, model, judge)
@@ -114,7 +115,10 @@ def main() -> None:
     cv2.setNumThreads(2)
     torch.set_num_threads(2)
     model, judge = load_model("etnet-half", "cpu", "fp32"), load_lpips()
-    report("simulate_real", [row for path in sys.argv[1:] for row in rows_of(Path(path), model, judge)])
+    rows = []
+    for path in sys.argv[1:]:
+        rows += rows_of(Path(path), model, judge)
+        report("simulate_real", rows)  # after each: one takes minutes
 
 
 if __name__ == "__main__":

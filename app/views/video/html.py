@@ -15,8 +15,7 @@ from app.views.page import Page
 from app.views.video.jobs import SLOT, FilmScores, ScoreFilm
 from app.views.video.state import Measure, VideoState
 
-MEASURES: dict[Measure, str] = {"lpips": "LPIPS ↓", "ssim": "SSIM ↑", "mse": "MSE ↓"}
-"""The arrow points to the better side."""
+MEASURES: dict[Measure, str] = {"lpips": "LPIPS", "ssim": "SSIM", "mse": "MSE"}
 _WIDTH, _HEIGHT = 1000, 120
 
 
@@ -75,7 +74,7 @@ def strip_html(page: Page) -> str:
     if moment is None or result is None or not _is_of(result, moment):
         return ""
     scores: FilmScores | None = result.value
-    if scores is None or "lpips" not in scores.values:
+    if scores is None or "lpips" not in scores.values or not np.isfinite(scores.values["lpips"]).any():
         why = "Its pictures are too small to be scored." if scores is not None else result.trouble
         return panel("film-scores", empty("No scores", why) if why else under_way(0.0, "scoring against the video"))
     measure = page.state.of(VideoState).measure
@@ -87,7 +86,11 @@ def strip_html(page: Page) -> str:
     heading = segmented("Score over time", options, f"set:video.measure:{measure}")
     going = "" if result.is_whole else under_way(result.share, "scoring")
     column = scores.values[measure]
-    mean = f"mean {np.nanmean(column):.3f} over {np.isfinite(column).sum()} windows, reconstruction against the video"
+    num_known = int(np.isfinite(column).sum())
+    mean = (
+        f"Reconstruction against the video: mean {np.nanmean(column):.3f} over {num_known} "
+        f"window{'s' * (num_known != 1)}, {'higher' if measure == 'ssim' else 'lower'} is better."
+    )
     return panel("film-scores", heading, _curve(moment, scores, column), f'<div class="et-note">{mean}</div>', going)
 
 
@@ -97,6 +100,7 @@ def _curve(moment: Moment, scores: FilmScores, column: np.ndarray) -> str:
     xs = (scores.stamps[is_known] - span.start) / max(span.duration, 1) * _WIDTH
     ys = _HEIGHT * (1 - column[is_known] / top)
     path = " ".join(f"{'L' if i else 'M'}{x:.1f} {y:.1f}" for i, (x, y) in enumerate(zip(xs, ys, strict=True)))
+    path += "h4" * (len(xs) == 1)  # one point alone would not be seen
     at = min(max((moment.window.t_stop - span.start) / max(span.duration, 1), 0), 1)
     return (
         f'<div class="et-chart et-pick" data-k="span:0,{span.duration / 1e6:.6f}" {ON_PICK} data-testid="film-strip">'

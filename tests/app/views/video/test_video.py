@@ -64,8 +64,8 @@ def test_without_a_video_it_says_how_one_gets_here():
 def test_the_strip_shows_this_windows_scores_and_a_click_goes_to_another(moment):
     page = Page(STATE, moment, results={SLOT: scored(moment)})
     html = Checker(strip_html(page))
-    assert "LPIPS ↓ 0.310" in html.text
-    assert "mean 0.378 over 4 windows" in html.text
+    assert "LPIPS 0.310" in html.text
+    assert "mean 0.378 over 4 windows, lower is better" in html.text
     chart = next(attrs for attrs in html.by_testid("film-strip"))
     assert isinstance(parse(f"pick|{chart['data-k']}|0.5|0.5|1", VIEWS), ask.SeekTime)
     chosen = next(key for key in html.keys if key.endswith(":ssim"))
