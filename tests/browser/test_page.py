@@ -63,10 +63,10 @@ def resize(page, size):
 def faults_at_rest(page):
     """What is wrong with the page once it rests: after a new size viser moves its column for a second or two."""
     for _ in range(100):
-        if not (faults := page.evaluate(FAULTS)):
-            break
+        if not page.evaluate(FAULTS):
+            return []
         page.wait_for_timeout(200)
-    return faults
+    return page.evaluate(FAULTS)
 
 
 def card(page, name):

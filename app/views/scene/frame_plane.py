@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -12,6 +13,8 @@ from app.state import intents as ask
 from app.views.scene.space import Space
 
 GROUND = (22, 25, 30)
+FIRST_STAYS = 1.2
+"""Seconds in which a slow browser has decoded a picture."""
 
 
 def add_plane(
@@ -40,10 +43,19 @@ class FramePlane:
         self._space: Space | None = None
         self._image: viser.ImageHandle | None = None
         self._shown: object = None
+        self._built_at = 0.0
 
-    def show(self, space: Space, key: object, image: UInt8[np.ndarray, "h w 3"] | None) -> None:
-        """Put a picture on the plane; the same `key` is the same picture. `None` leaves the plane empty."""
+    def show(
+        self, space: Space, key: object, image: UInt8[np.ndarray, "h w 3"] | None, is_moving: bool = False
+    ) -> None:
+        """Put a picture on the plane; the same `key` is the same picture. `None` leaves the plane empty.
+
+        `is_moving`: it is soon replaced. A new plane is white until its first picture is decoded, and a picture that is
+        replaced before that never is: so the first one is left alone for a moment.
+        """
         if space == self._space and key == self._shown:
+            return
+        if is_moving and space == self._space and time.monotonic() - self._built_at < FIRST_STAYS:
             return
         picture = np.full((9, 12, 3), GROUND, np.uint8) if image is None else image
         if space != self._space or self._image is None:
@@ -53,7 +65,7 @@ class FramePlane:
         self._shown = key
 
     def _build(self, space: Space, picture: UInt8[np.ndarray, "h w 3"]) -> None:
-        self._space = space
+        self._space, self._built_at = space, time.monotonic()
         self._image = add_plane(self._scene, "/plane", space, picture)
 
         @self._image.on_click

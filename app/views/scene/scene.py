@@ -57,7 +57,7 @@ class SceneView:
             self._cloud.set_visible(shows_cloud)
             if cloud is not None:
                 self._cloud.show(space, cloud, has_scale=state.workspace != "demo")
-            self._plane.show(space, key, picture)
+            self._plane.show(space, key, picture, page.is_moving)
             self._maps.show(space, *_maps(page, behind))
             self._links.show(space, state.query, links_of(page.ready, state.query) if attention.shows_links else ())
         self._place(space, page)

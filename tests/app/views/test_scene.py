@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.views.scene import frame_plane
+from app.views.scene.frame_plane import FIRST_STAYS, FramePlane
 from app.views.scene.map_planes import MapPlanes
 from app.views.scene.space import DEPTH, Space, box_corners, camera_place
 from etnet.events.events import Sensor
@@ -63,6 +65,7 @@ class Images:
 
     def add_image(self, name, image, width, height, position, **more):
         handle = SimpleNamespace(image=image, position=position, visible=True, size=(width, height))
+        handle.on_click = lambda heard: heard
         handle.remove = lambda: self.held.pop(name)
         self.held[name] = handle
         return handle
@@ -85,3 +88,20 @@ def test_planes_stand_one_behind_the_other_and_go_when_they_are_not_wanted():
     wider = Space(Sensor(80, 30))
     planes.show(wider, "second", pictures[:1])
     assert [handle.size for handle in images.held.values()] == [(wider.width, wider.height)]
+
+
+def test_a_new_planes_first_picture_is_not_replaced_before_a_slow_browser_has_drawn_it(monkeypatch):
+    clock = [50.0]
+    monkeypatch.setattr(frame_plane.time, "monotonic", lambda: clock[0])
+    images, space = Images(), Space(Sensor(40, 30))
+    plane = FramePlane(images, lambda intent: None)
+
+    def shown(grey, is_moving):
+        plane.show(space, grey, np.full((30, 40, 3), grey, np.uint8), is_moving)
+        return int(images.held["/plane"].image[0, 0, 0])
+
+    assert shown(1, is_moving=True) == 1
+    assert shown(2, is_moving=True) == 1
+    assert shown(3, is_moving=False) == 3
+    clock[0] += FIRST_STAYS
+    assert shown(4, is_moving=True) == 4
