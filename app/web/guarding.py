@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import http
 import logging
+import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -18,7 +19,9 @@ import viser
 import websockets.asyncio.server as websocket_server
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, SecurityError
+from websockets.frames import CTRL_OPCODES, Frame, Opcode
 from websockets.http11 import Request, Response
+from websockets.protocol import Event
 
 from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
 from app.web.messages import MessageError, fate_of, read_message
@@ -37,6 +40,12 @@ MOST_SILENT = 32
 sockets and says nothing keeps nobody else of the same address out."""
 RATE, BURST = 150.0, 300.0
 """Messages a second of one page that are read, and how many may come at once. A page that sends more waits."""
+PIECE = 8192
+"""Bytes that are looked at in one go: what is cut off by what it sends is not read further."""
+ODD_RATE, ODD_BURST = 20.0, 300.0
+"""Frames a second of one connection that carry no message: pings, pongs, small fragments. No browser sends such by the
+dozen, websockets answers and keeps them without a limit, and a hundred thousand a second hold up everybody."""
+SMALL_FRAGMENT = 1024
 CLOSING = 1.0
 """Seconds that a page has for ending a connection that is closed on it."""
 
@@ -53,6 +62,7 @@ class GuardedConnection(ServerConnection):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._has_data = self._is_answered = False
+        self._odd_left, self._odd_at = ODD_BURST, time.monotonic()
 
     def data_received(self, data: bytes) -> None:
         """Look at the first bytes: websockets knows GET alone."""
@@ -64,8 +74,23 @@ class GuardedConnection(ServerConnection):
                 self._say(405 if is_method else 400)
                 self.transport.close()
                 return
-        if not self._is_answered:
-            super().data_received(data)
+        for start in range(0, len(data), PIECE):
+            if self._is_answered or self.transport.is_closing():
+                return
+            super().data_received(data[start : start + PIECE])
+
+    def process_event(self, event: Event) -> None:
+        """As in websockets, for a bounded number of frames that carry no message."""
+        if isinstance(event, Frame) and _is_odd(event):
+            now = time.monotonic()
+            self._odd_left = min(self._odd_left + (now - self._odd_at) * ODD_RATE, ODD_BURST) - 1
+            self._odd_at = now
+            if self._odd_left < 0:
+                if not self.transport.is_closing():
+                    _log.warning("a page was cut off: it sent frames without a message", extra={"kind": "cut off"})
+                    self.transport.abort()
+                return
+        super().process_event(event)
 
     def send_data(self) -> None:
         """As in websockets; what was asked for and could not be read is answered first."""
@@ -84,6 +109,12 @@ class GuardedConnection(ServerConnection):
         self.transport.write("\r\n".join([*lines, "", ""]).encode())
 
 
+def _is_odd(frame: Frame) -> bool:
+    if frame.opcode in CTRL_OPCODES:
+        return frame.opcode is not Opcode.CLOSE
+    return not frame.fin and len(frame.data) < SMALL_FRAGMENT
+
+
 @contextmanager
 def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: None) -> Iterator[None]:
     """Servers that are constructed inside are guarded."""
@@ -99,6 +130,8 @@ def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: Non
             "create_connection": GuardedConnection,
             "process_response": gate.dress,
             "server_header": None,
+            # A few hundred bytes would unpack to a whole message before it is counted; viser packs by itself.
+            "compression": None,
             "close_timeout": CLOSING,
         }
         return original(gate.handle, *args, process_request=gate.ask, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]

@@ -119,6 +119,32 @@ def test_sockets_that_say_nothing_keep_no_page_of_their_address_out(viewer, monk
     asyncio.run(story())
 
 
+PING, PONG, EMPTY, WORD = b"\x89\x80", b"\x8a\x80", b"\x00\x80", b"\x00\x81"
+
+
+@pytest.mark.parametrize(
+    ("first", "frame"),
+    [(b"", PING + bytes(4)), (b"", PONG + bytes(4)), (b"\x02\x80" + bytes(4), EMPTY + bytes(4)),
+     (b"\x02\x80" + bytes(4), WORD + bytes(5))],
+)  # fmt: skip
+def test_frames_without_a_message_end_their_connection(viewer, first, frame):
+    ask = [
+        "GET / HTTP/1.1", f"Host: 127.0.0.1:{viewer.port}", "Upgrade: websocket", "Connection: Upgrade",
+        "Sec-WebSocket-Key: MDEyMzQ1Njc4OTAxMjM0NQ==", "Sec-WebSocket-Version: 13",
+        f"Sec-WebSocket-Protocol: {PROTOCOL}", "", "",
+    ]  # fmt: skip
+    with socket.create_connection(("127.0.0.1", viewer.port), timeout=60) as link:
+        link.sendall("\r\n".join(ask).encode())
+        found = b""
+        while b"\r\n\r\n" not in found:
+            found += link.recv(1)
+        assert status_of(found) == 101
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+            link.sendall(first + frame * 20_000)
+            while link.recv(65_536):
+                pass
+
+
 def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
     async def story():
         async with Browser.open(viewer.port, tab=33) as other, Browser.open(viewer.port, tab=34) as flood:
