@@ -6,24 +6,22 @@ viser calls websockets' `serve` and takes no check of ours, so that function is 
 from __future__ import annotations
 
 import asyncio
-import http
 import logging
-import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server as websocket_server
 from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosed, SecurityError
-from websockets.frames import CTRL_OPCODES, Frame, Opcode
+from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
-from websockets.protocol import Event
 
-from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
+from app.web.access import AccessControl, Handler, answer
+from app.web.guarded_connection import GuardedConnection
 from app.web.messages import MessageError, fate_of, read_message
 from app.web.peer import note_peer
 from app.web.rate import Rate
@@ -40,12 +38,6 @@ MOST_SILENT = 32
 sockets and says nothing keeps nobody else of the same address out."""
 RATE, BURST = 150.0, 300.0
 """Messages a second of one page that are read, and how many may come at once. A page that sends more waits."""
-PIECE = 8192
-"""Bytes that are looked at in one go: what is cut off by what it sends is not read further."""
-ODD_RATE, ODD_BURST = 20.0, 300.0
-"""Frames a second of one connection that carry no message: pings, pongs, small fragments. No browser sends such by the
-dozen, websockets answers and keeps them without a limit, and a hundred thousand a second hold up everybody."""
-SMALL_FRAGMENT = 1024
 CLOSING = 1.0
 """Seconds that a page has for ending a connection that is closed on it."""
 
@@ -54,65 +46,6 @@ Widget = Callable[[ServerConnection, str], Any]
 ProcessRequest = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
 
 _log = logging.getLogger(__name__)
-
-
-class GuardedConnection(ServerConnection):
-    """A connection that answers what is no request for a page by a code, and never by silence or 500."""
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self._has_data = self._is_answered = False
-        self._odd_left, self._odd_at = ODD_BURST, time.monotonic()
-
-    def data_received(self, data: bytes) -> None:
-        """Look at the first bytes: websockets knows GET alone."""
-        if not self._has_data:
-            self._has_data = True
-            method = data.split(b" ", 1)[0]
-            if method != b"GET" and len(data) >= 4:
-                is_method = method.isalpha() and method.isupper() and len(method) <= 10
-                self._say(405 if is_method else 400)
-                self.transport.close()
-                return
-        for start in range(0, len(data), PIECE):
-            if self._is_answered or self.transport.is_closing():
-                return
-            super().data_received(data[start : start + PIECE])
-
-    def process_event(self, event: Event) -> None:
-        """As in websockets, for a bounded number of frames that carry no message."""
-        if isinstance(event, Frame) and _is_odd(event):
-            now = time.monotonic()
-            self._odd_left = min(self._odd_left + (now - self._odd_at) * ODD_RATE, ODD_BURST) - 1
-            self._odd_at = now
-            if self._odd_left < 0:
-                if not self.transport.is_closing():
-                    _log.warning("a page was cut off: it sent frames without a message", extra={"kind": "cut off"})
-                    self.transport.abort()
-                return
-        super().process_event(event)
-
-    def send_data(self) -> None:
-        """As in websockets; what was asked for and could not be read is answered first."""
-        slip = self.protocol.handshake_exc
-        if self._has_data and slip is not None and self.request is None:
-            self._say(431 if isinstance(slip.__cause__, SecurityError) else 400)
-        super().send_data()
-
-    def _say(self, status: int) -> None:
-        if self._is_answered or self.transport.is_closing():
-            return
-        self._is_answered = True
-        phrase = http.HTTPStatus(status).phrase
-        lines = [f"HTTP/1.1 {status} {phrase}", "Allow: GET", "Connection: close", "Content-Length: 0"]
-        lines += [f"{name}: {value}" for name, value in SECURITY_HEADERS.items()]
-        self.transport.write("\r\n".join([*lines, "", ""]).encode())
-
-
-def _is_odd(frame: Frame) -> bool:
-    if frame.opcode in CTRL_OPCODES:
-        return frame.opcode is not Opcode.CLOSE
-    return not frame.fin and len(frame.data) < SMALL_FRAGMENT
 
 
 @contextmanager
@@ -127,7 +60,7 @@ def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: Non
         gate = Gate(guard, handler, process_request, widget)
         options |= {
             "max_size": LARGEST_MESSAGE,
-            "create_connection": GuardedConnection,
+            "create_connection": partial(GuardedConnection, Counter(), guard.public is not None),
             "process_response": gate.dress,
             "server_header": None,
             # A few hundred bytes would unpack to a whole message before it is counted; viser packs by itself.
