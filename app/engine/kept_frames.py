@@ -87,6 +87,8 @@ class KeptFrames:
         if array is None:
             return None
         frame = np.ascontiguousarray(array[0, 0], np.float32)
+        if not np.isfinite(frame).all():
+            return None  # damaged weights: the engine says so
         frame.flags.writeable = False
         is_cold = request.index < named.warm_up
         return Ready(request, frame, None, 0.0, True, False, is_cold, named.contract, request.index)

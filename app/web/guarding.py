@@ -6,21 +6,22 @@ viser calls websockets' `serve` and takes no check of ours, so that function is 
 from __future__ import annotations
 
 import asyncio
-import http
 import logging
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server as websocket_server
 from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosed, SecurityError
+from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from app.web.access import SECURITY_HEADERS, AccessControl, Handler, answer
+from app.web.access import AccessControl, Handler, answer
+from app.web.guarded_connection import GuardedConnection
 from app.web.messages import MessageError, fate_of, read_message
 from app.web.peer import note_peer
 from app.web.rate import Rate
@@ -47,43 +48,6 @@ ProcessRequest = Callable[[ServerConnection, Request], Awaitable[Response | None
 _log = logging.getLogger(__name__)
 
 
-class GuardedConnection(ServerConnection):
-    """A connection that answers what is no request for a page by a code, and never by silence or 500."""
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self._has_data = self._is_answered = False
-
-    def data_received(self, data: bytes) -> None:
-        """Look at the first bytes: websockets knows GET alone."""
-        if not self._has_data:
-            self._has_data = True
-            method = data.split(b" ", 1)[0]
-            if method != b"GET" and len(data) >= 4:
-                is_method = method.isalpha() and method.isupper() and len(method) <= 10
-                self._say(405 if is_method else 400)
-                self.transport.close()
-                return
-        if not self._is_answered:
-            super().data_received(data)
-
-    def send_data(self) -> None:
-        """As in websockets; what was asked for and could not be read is answered first."""
-        slip = self.protocol.handshake_exc
-        if self._has_data and slip is not None and self.request is None:
-            self._say(431 if isinstance(slip.__cause__, SecurityError) else 400)
-        super().send_data()
-
-    def _say(self, status: int) -> None:
-        if self._is_answered or self.transport.is_closing():
-            return
-        self._is_answered = True
-        phrase = http.HTTPStatus(status).phrase
-        lines = [f"HTTP/1.1 {status} {phrase}", "Allow: GET", "Connection: close", "Content-Length: 0"]
-        lines += [f"{name}: {value}" for name, value in SECURITY_HEADERS.items()]
-        self.transport.write("\r\n".join([*lines, "", ""]).encode())
-
-
 @contextmanager
 def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: None) -> Iterator[None]:
     """Servers that are constructed inside are guarded."""
@@ -96,9 +60,11 @@ def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: Non
         gate = Gate(guard, handler, process_request, widget)
         options |= {
             "max_size": LARGEST_MESSAGE,
-            "create_connection": GuardedConnection,
+            "create_connection": partial(GuardedConnection, Counter(), guard.public is not None),
             "process_response": gate.dress,
             "server_header": None,
+            # A few hundred bytes would unpack to a whole message before it is counted; viser packs by itself.
+            "compression": None,
             "close_timeout": CLOSING,
         }
         return original(gate.handle, *args, process_request=gate.ask, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]

@@ -12,6 +12,7 @@ import app.engine.engine as engine_module
 from app.engine import queue
 from app.engine.playbacks import KEPT_PLAYBACKS
 from app.engine.requests import Failed, Ready, Working
+from etnet.events.events import Sensor
 from etnet.nets.intervention import Intervention
 from etnet.windows import ByDuration
 from tests.app.fakes import Inbox, hold, recording_of, request, sequential
@@ -351,3 +352,14 @@ def test_a_visitor_whose_requests_replace_each_other_is_shown_some_all_the_same(
     gate.release(100)
     assert np.array_equal(first.ready(1).frame, sequential(shelf, 1))
     second.ready(2)
+
+
+def test_a_step_that_nobody_could_stop_is_not_begun_where_others_come_in(shelf, make_engine):
+    shelf.recordings["vast"] = recording_of(3, sensor=Sensor(1280, 720))
+    inbox, other = Inbox(), Inbox()
+    engine = make_engine(longest_step=1e-6)
+    engine.request("ada", request(2, recording="vast"), inbox)
+    assert "would take about" in inbox.failed().message
+    engine = make_engine(longest_step=None)
+    engine.request("ada", request(2, recording="vast"), other)
+    assert other.ready(2, timeout=60).is_exact

@@ -12,9 +12,10 @@ import pytest
 from app.catalogue.models import ModelEntry
 from app.engine.engine import Engine
 from app.engine.kept_frames import as_ranges
+from app.engine.requests import Ready
 from etnet.events.denoise import Cleaning
 from etnet.playback.disk_cache import DiskCache
-from tests.app.fakes import Inbox, Shelf, hold, recording_of, request, sequential
+from tests.app.fakes import CountingModel, Inbox, Shelf, hold, recording_of, request, sequential
 
 NUM_WINDOWS = 40
 
@@ -160,3 +161,22 @@ def test_finding_them_needs_no_torch():
 def test_ranges_are_half_open_and_in_order():
     assert as_ranges([5, 1, 2, 7, 6]) == (range(1, 3), range(5, 8))
     assert as_ranges([]) == ()
+
+
+def test_a_frame_that_is_not_finite_is_an_error_at_this_start_and_at_the_next(start):
+    class Damaged(CountingModel):
+        def decode(self, pyramid, probe=None, intervention=None):
+            frame, attention = super().decode(pyramid, probe, intervention)
+            return frame * float("nan"), attention
+
+    for _ in range(2):
+        engine, _, disk = start(load=lambda entry, precision, device: Damaged())
+        inbox = Inbox()
+        engine.request("ada", request(3), inbox)
+        assert "is not finite" in inbox.failed().message
+        disk.flush()
+        again = Inbox()
+        engine.request("bob", request(3), again)
+        assert "is not finite" in again.failed().message
+        assert inbox.of(Ready) == again.of(Ready) == []
+        engine.stop()

@@ -12,7 +12,7 @@ import viser
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from app.web import guarding
+from app.web import guarded_connection, guarding
 from app.web.bounded_log import BoundedHandler
 from tests.app.stand_ins import Browser, served
 from tests.app.web.fuzz_messages import CAMERA, frames
@@ -117,6 +117,56 @@ def test_sockets_that_say_nothing_keep_no_page_of_their_address_out(viewer, monk
                 await page.until_shown("window 3 ", 60)
 
     asyncio.run(story())
+
+
+def test_connections_of_one_address_do_not_take_all_files_of_the_process(monkeypatch):
+    monkeypatch.setattr(guarded_connection, "MOST_CONNECTIONS", 5)
+    with served() as viewer, contextlib.ExitStack() as stack:
+        waiting = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", viewer.port), timeout=60)) for _ in range(8)
+        ]
+        for link in waiting[5:]:
+            with contextlib.suppress(ConnectionResetError):
+                assert link.recv(1) == b""
+        for link in waiting[:5]:
+            link.close()
+        ends = time.monotonic() + 60
+        while not (answer := _asked_or_cut(viewer.port)):
+            assert time.monotonic() < ends
+            time.sleep(0.05)
+        assert status_of(answer) == 200
+
+
+def _asked_or_cut(port):
+    with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+        return asked(port, b"GET /healthz HTTP/1.1\r\nHost: HOST\r\n\r\n")
+    return b""
+
+
+PING, PONG, EMPTY, WORD = b"\x89\x80", b"\x8a\x80", b"\x00\x80", b"\x00\x81"
+
+
+@pytest.mark.parametrize(
+    ("first", "frame"),
+    [(b"", PING + bytes(4)), (b"", PONG + bytes(4)), (b"\x02\x80" + bytes(4), EMPTY + bytes(4)),
+     (b"\x02\x80" + bytes(4), WORD + bytes(5))],
+)  # fmt: skip
+def test_frames_without_a_message_end_their_connection(viewer, first, frame):
+    ask = [
+        "GET / HTTP/1.1", f"Host: 127.0.0.1:{viewer.port}", "Upgrade: websocket", "Connection: Upgrade",
+        "Sec-WebSocket-Key: MDEyMzQ1Njc4OTAxMjM0NQ==", "Sec-WebSocket-Version: 13",
+        f"Sec-WebSocket-Protocol: {PROTOCOL}", "", "",
+    ]  # fmt: skip
+    with socket.create_connection(("127.0.0.1", viewer.port), timeout=60) as link:
+        link.sendall("\r\n".join(ask).encode())
+        found = b""
+        while b"\r\n\r\n" not in found:
+            found += link.recv(1)
+        assert status_of(found) == 101
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+            link.sendall(first + frame * 20_000)
+            while link.recv(65_536):
+                pass
 
 
 def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
