@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Error as BrowserError
 
 from tests.browser.chromium import box_of, open_page, until_window
 
@@ -39,9 +40,17 @@ def press_at(page, locator):
 
 
 def choose_pixel(page, u=0.5, v=0.5):
+    """By a click at a share of the image. While a page settles its image moves, and a click at its edge may miss it."""
     until_window(page, 0)
-    box = box_of(page, page.get_by_test_id("reconstruction").locator("img"))
-    page.mouse.click(box["x"] + 1 + u * (box["width"] - 2), box["y"] + 1 + v * (box["height"] - 2))
+    chosen = page.get_by_test_id("ablation").locator("h4")
+    for _ in range(20):
+        box = box_of(page, page.get_by_test_id("reconstruction").locator("img"))
+        page.mouse.click(box["x"] + 1 + u * (box["width"] - 2), box["y"] + 1 + v * (box["height"] - 2))
+        try:
+            return chosen.wait_for(timeout=page.patience / 20)
+        except BrowserError:
+            continue
+    raise AssertionError("no click on the image chooses a pixel")
 
 
 def to_attention(page, u=0.5, v=0.5):

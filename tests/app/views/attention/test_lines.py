@@ -30,6 +30,7 @@ def shown_by(opened, slice_, change=MASK):
     needed = NEEDED[slice_.lines]
     loaded, file, weights = opened
     request = request_of(INDEX, wants_attention=True, intervention=change)
+    request = replace(request, recording_id="lines")  # what other files of tests found is kept by name
     state = STATE.put(slice_)
     asked = attention_jobs(state, request)
     wanted = {slot: job for slot, job in asked.items() if slot.removeprefix("attention.") in needed}
