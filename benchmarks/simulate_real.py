@@ -16,6 +16,8 @@ import numpy as np
 import torch
 from measure import report
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from etnet.evaluation.lpips import load_lpips
 from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
