@@ -16,6 +16,7 @@ from etnet.evaluation.scores import Scores
 from etnet.events.open import open_recording
 from etnet.nets.blocks import ConvReLU
 from etnet.nets.etnet import ETNet
+from etnet.nets.runtime import Runtime, apply_runtime
 from etnet.nets.transformer import FeedForward
 from etnet.nets.weights import load_model
 from etnet.training.films import Film
@@ -34,6 +35,7 @@ FIRENET_PLUS = {"mse": 0.0437, "ssim": 0.567, "lpips": 0.324, "affine lpips": 0.
 def model() -> ETNet:
     network = load_model()
     assert isinstance(network, ETNet)
+    apply_runtime(network, Runtime())  # in plain torch each layer is called, and what it gives can be watched
     return network
 
 

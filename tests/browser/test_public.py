@@ -65,6 +65,7 @@ def open_demo(browser, viewer, width=1600, height=900):
     page.on("pageerror", lambda error: page.errors.append(str(error)))
     page.goto(f"{viewer.url}/?fixedDpr=1")
     page.locator(".etv-image img").wait_for()
+    page.wait_for_function("() => window.etnetHello && window.etnetChannel")  # it hears fingers
     return page
 
 
@@ -160,8 +161,7 @@ def test_a_lost_connection_is_waited_for_with_a_sentence(browser, stays):
 
 def test_a_visitor_sees_their_own_camera_as_a_sensor_does(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
-    press(page, "Your own face")
-    page.get_by_text("Nothing is stored").wait_for()
+    until_answered(page, lambda: press(page, "Your own face"), page.get_by_text("Nothing is stored"))
     press(page, "Use my camera")
     page.get_by_test_id("mirror").wait_for()
     page.get_by_test_id("delay").wait_for()
