@@ -114,7 +114,7 @@ class RequestQueue:
 
     @property
     def num_waiting(self) -> int:
-        """RequestSink not yet granted."""
+        """Requests not yet granted."""
         with self.changed:
             return len(self._waiting)
 

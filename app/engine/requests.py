@@ -131,7 +131,7 @@ class EngineStatus:
     precision: str | None
     """What "auto" has become: "fp32" or "bf16"; `None` before the model is loaded."""
     num_waiting: int
-    """RequestSink of all visitors that are not granted yet."""
+    """Requests of all visitors that are not granted yet."""
 
 
 Reply = Ready | Working | Failed

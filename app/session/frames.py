@@ -66,17 +66,30 @@ class NewestFrames:
         return request.wants_attention and request.index == state.index and not self.ready.is_approximate
 
     def _take_ready(self, reply: Ready) -> bool:
-        held, request = self.ready, self.request
-        is_worse = (
-            held is not None
-            and held.request.playback == reply.request.playback
-            and held.request.index == reply.request.index
-            and not held.is_approximate
-            and reply.is_approximate
-        )
-        if is_worse:
+        if self.ready is not None and (self._is_late(reply, self.ready) or _is_worse(reply, self.ready)):
             return False
         self.ready = reply
-        if reply.request == request and not reply.is_approximate:
+        if reply.request == self.request and not reply.is_approximate:
             self.working = self.failed = None
         return True
+
+    def _is_late(self, reply: Ready, held: Ready) -> bool:
+        """Whether what is asked for now is answered, and this answers what was asked before.
+
+        A frame at hand comes at once, while the reply to the former request is still on its way through the mailbox.
+        """
+        request = self.request
+        is_answered = (
+            request is not None
+            and not held.is_approximate
+            and (held.request.playback, held.request.frame) == (request.playback, request.frame)
+        )
+        return is_answered and reply.request.frame != held.request.frame
+
+
+def _is_worse(reply: Ready, held: Ready) -> bool:
+    """Whether this is a preview of what is there exactly, or lacks the attention that is there."""
+    is_same = (reply.request.playback, reply.request.frame) == (held.request.playback, held.request.frame)
+    is_preview = reply.is_approximate and not held.is_approximate
+    lacks_attention = reply.attention is None and held.attention is not None
+    return is_same and (is_preview or lacks_attention)

@@ -84,7 +84,7 @@ class Opening:
 
 
 class Opener:
-    """Opens beside the page. NewestFrames come in any order; the session takes the one that fits its state."""
+    """Opens beside the page. Replies come in any order; the session takes the one that fits its state."""
 
     def __init__(self, catalogue: VisitorCatalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
         self._catalogue = catalogue

@@ -70,7 +70,7 @@ def on_visitor(handle: Any, act: Callable[[Any], Any], dispatch: Dispatch) -> No
 
 
 def on_press(button: viser.GuiButtonHandle, intent: Any, dispatch: Dispatch) -> None:
-    """PendingRequest a visitor's click into an intent."""
+    """Turn a visitor's click into an intent."""
 
     async def pressed(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
         if event.client is not None:

@@ -109,7 +109,7 @@ class Shelf:
 
 
 class InstantEngine:
-    """NewestFrames at once, on a thread of its own, unless it is held; remembers what was asked."""
+    """Answers at once, on a thread of its own, unless it is held; remembers what was asked."""
 
     def __init__(self):
         self.requests = []

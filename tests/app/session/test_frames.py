@@ -89,3 +89,25 @@ def test_the_badge_belongs_to_the_picture_when_filter_windows_or_network_change(
     assert not answers.ready.is_exact
     answers.take(ready(replace(first, cleaning=Cleaning(True))))
     assert not answers.ready.is_former
+
+
+def test_a_reply_on_its_way_never_replaces_what_was_at_hand_for_a_newer_request():
+    answers, newer = NewestFrames(), replace(REQUEST, index=1)
+    answers.ask(REQUEST)  # its reply is under way
+    answers.ask(newer)
+    at_hand = ready(newer)
+    answers.take(at_hand)
+    assert not answers.take(ready(REQUEST))
+    assert not answers.take(ready(REQUEST, is_approximate=True))
+    assert answers.ready is at_hand
+    answers.ask(replace(REQUEST, index=7))  # a visitor who goes on is shown what comes meanwhile
+    assert answers.take(ready(REQUEST))
+
+
+def test_a_late_reply_without_attention_does_not_take_away_the_attention_that_is_there():
+    answers, asked = NewestFrames(), replace(REQUEST, wants_attention=True)
+    answers.ask(asked)
+    with_attention = replace(ready(asked), attention=object())
+    answers.take(with_attention)
+    assert not answers.take(ready(REQUEST))
+    assert answers.ready is with_attention

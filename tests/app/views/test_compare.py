@@ -1,4 +1,4 @@
-"""VisitorRuns over the real server, seen by a browser that is only a websocket: no model, no screen."""
+"""Runs over the real server, seen by a browser that is only a websocket: no model, no screen."""
 
 import asyncio
 import time
