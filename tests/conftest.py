@@ -1,6 +1,8 @@
 """What holds for all tests: annotations are enforced, and the run says how many real recordings it read."""
 
+import atexit
 import os
+import sys
 from collections import Counter
 
 # Before torch is loaded. Exactness holds for one number of threads, and an engine that a test starts with another
@@ -32,6 +34,18 @@ install_import_hook(
 hypothesis.settings.register_profile("whatever it takes", deadline=None)
 hypothesis.settings.load_profile("whatever it takes")
 
+_sessions: list[pytest.Session] = []
+
+
+@atexit.register  # before all others, so that it is the last to run
+def _leave() -> None:
+    """End as the viewer does: a thread that still computes would crash in an interpreter that is torn down under it."""
+    for session in _sessions:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(int(session.exitstatus))
+
+
 _real: Counter[str] = Counter()
 _left_out: Counter[str] = Counter()
 
@@ -55,6 +69,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Where the recordings are at hand, none of their tests may be left out; in CI no browser test either."""
+    _sessions.append(session)
     if session.exitstatus != 0:
         return
     if DATA.is_dir() and _real["skipped"]:

@@ -16,7 +16,7 @@ from app.html.tones import Tones
 from app.html.units import count, milliseconds, short
 from etnet.errors import RecordingError
 from etnet.render.colours import OFF, ON, counting, css_gradient, diverging, hexadecimal
-from etnet.render.encode import data_url
+from etnet.render.encode import Indexed, data_url
 from etnet.render.events import BUSY, EventStyle, event_image
 from etnet.render.tone import resolve, tone_map
 
@@ -186,8 +186,8 @@ def event_image_html(moment: Moment, style: EventStyle) -> str:
     return PICTURES.text(key, lambda: _event_image_html(moment, style))
 
 
-def event_picture(moment: Moment, style: EventStyle) -> tuple[UInt8[np.ndarray, "h w 3"], float]:
-    """The event image as an array, and the number its brightest colour stands for."""
+def event_picture(moment: Moment, style: EventStyle) -> tuple[Indexed, float]:
+    """The event image, and the number its brightest colour stands for."""
     window = moment.window
     return ARRAYS.get(
         ("event picture", moment.key, style),
@@ -198,7 +198,7 @@ def event_picture(moment: Moment, style: EventStyle) -> tuple[UInt8[np.ndarray, 
 
 def _event_image_html(moment: Moment, style: EventStyle) -> str:
     image, limit = event_picture(moment, style)
-    height, width = image.shape[:2]
+    height, width = image.level.shape
     num_on = int((moment.events.p > 0).sum())
     total = moment.window.num_events
     shown = picture(

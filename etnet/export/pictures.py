@@ -75,7 +75,7 @@ def draw(moment: Moment, look: Look, num_windows: int) -> Picture:
 def _panel(moment: Moment, name: PanelName, look: Look) -> Picture:
     sensor = moment.recording.sensor
     if name == "events":
-        return event_image(moment.events, look.event_style, moment.window.t_start, moment.window.t_stop)[0]
+        return event_image(moment.events, look.event_style, moment.window.t_start, moment.window.t_stop)[0].colours
     if name == "reconstruction":
         grey = _grey(moment.frame, look)
     else:

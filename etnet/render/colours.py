@@ -96,8 +96,16 @@ def counting() -> UInt8[np.ndarray, "256 3"]:
 
 def diverge(values: Float[np.ndarray, "*shape"], limit: float) -> UInt8[np.ndarray, "*shape 3"]:
     """Signed values → colours; ±`limit` and beyond take the ends of the ramp, 0 is GROUND."""
-    level = np.rint(np.clip(values, -limit, limit) * (LEVELS / limit)).astype(np.int16)
-    return diverging()[level + LEVELS]
+    return diverging()[diverging_levels(values, limit)]
+
+
+def diverging_levels(values: Float[np.ndarray, "*shape"], limit: float) -> UInt8[np.ndarray, "*shape"]:
+    """The same as places in the ramp `diverging`."""
+    level = np.clip(values, -limit, limit)
+    level *= LEVELS / limit
+    np.rint(level, out=level)
+    level += LEVELS
+    return level.astype(np.uint8)
 
 
 def css_gradient(colours: UInt8[np.ndarray, "n 3"], num_stops: int = 13) -> str:

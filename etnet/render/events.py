@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float32, Int8, UInt8
+from jaxtyping import UInt8
 
 from etnet.events.events import Events
-from etnet.render.colours import GROUND, OFF, ON, counting, diverge
+from etnet.render.colours import GROUND, OFF, ON, counting, diverging, diverging_levels
+from etnet.render.encode import Indexed
 
 EventStyle = Literal["polarity", "count", "time surface", "decay"]
 EVENT_STYLES: tuple[EventStyle, ...] = get_args(EventStyle)
 
 BUSY = 4
 """Events on one pixel from which the polarity picture shows its hue at full strength."""
+SHADES = 127
+"""Steps of a hue in the time surface."""
 
 
-def event_image(
-    events: Events, style: EventStyle, t_start: int, t_stop: int
-) -> tuple[UInt8[np.ndarray, "h w 3"], float]:
+def event_image(events: Events, style: EventStyle, t_start: int, t_stop: int) -> tuple[Indexed, float]:
     """The picture and the number its brightest colour stands for.
 
     "polarity": the hue of each pixel's newest event, stronger where there were more (limit: events).
@@ -35,24 +37,25 @@ def event_image(
     if style == "count":
         counts = np.bincount(pixel, minlength=size).reshape(height, width)
         limit = _percentile(counts, 99)
-        shade = np.rint(np.clip(counts / limit, 0, 1) * 255).astype(np.uint8)
-        return counting()[shade], limit
+        return Indexed(np.rint(np.clip(counts / limit, 0, 1) * 255).astype(np.uint8), counting()), limit
     if style == "decay":
         weights = events.p * np.exp((events.t - t_stop) * (3 / duration))
         signed = np.bincount(pixel, weights, size).reshape(height, width)
         limit = _percentile(np.abs(signed), 99)
-        return diverge(signed, limit), limit
+        return Indexed(diverging_levels(signed, limit), diverging()), limit
     newest = np.zeros(size, np.int8)
     newest[pixel] = events.p  # of equal indices the last one stays
     if style == "polarity":
-        strength = 0.5 + 0.5 * np.clip((np.bincount(pixel, minlength=size) - 1) / (BUSY - 1), 0, 1)
-        limit = float(BUSY)
+        shade = np.clip(np.bincount(pixel, minlength=size) - 1, 0, BUSY - 1)
+        palette, limit = _hues(0.5, BUSY), float(BUSY)
     else:
         stamps = np.full(size, t_start, np.int64)
         stamps[pixel] = events.t
-        strength = 0.08 + 0.92 * np.clip((stamps - t_start) / duration, 0, 1)
-        limit = duration / 1000
-    return _hued(newest, strength.astype(np.float32)).reshape(height, width, 3), limit
+        shade = np.rint(np.clip((stamps - t_start) / duration, 0, 1) * (SHADES - 1))
+        palette, limit = _hues(0.08, SHADES), duration / 1000
+    num_shades = len(palette) // 2
+    level = np.where(newest > 0, 1, 1 + num_shades) + shade
+    return Indexed(np.where(newest == 0, 0, level).astype(np.uint8).reshape(height, width), palette), limit
 
 
 def polarity_colours(events: Events) -> UInt8[np.ndarray, "n 3"]:
@@ -60,10 +63,13 @@ def polarity_colours(events: Events) -> UInt8[np.ndarray, "n 3"]:
     return np.array([OFF, ON], np.uint8)[(events.p > 0).astype(np.intp)]
 
 
-def _hued(sign: Int8[np.ndarray, " n"], strength: Float32[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
+@cache
+def _hues(weakest: float, num_shades: int) -> UInt8[np.ndarray, "n 3"]:
+    """GROUND, then ON and then OFF, each from its weakest shade to its full hue."""
+    strength = np.linspace(weakest, 1, num_shades, dtype=np.float32)[:, None]
     ground = np.asarray(GROUND, np.float32)
-    hues = np.array([GROUND, ON, OFF], np.float32)[sign]  # index −1 is the last row
-    return np.rint(ground + (hues - ground) * strength[:, None]).astype(np.uint8)
+    sides = [ground + (np.asarray(hue, np.float32) - ground) * strength for hue in (ON, OFF)]
+    return np.rint(np.concatenate([ground[None], *sides])).astype(np.uint8)
 
 
 def _percentile(values: np.ndarray, percent: float) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from etnet.render.colours import diverge
+from etnet.render.colours import diverging, diverging_levels
 
 PERCENTILE = 99.5
 """Of the magnitudes that are not zero: where the colours end."""
@@ -51,5 +51,10 @@ def voxel_tiles(
 ) -> tuple[UInt8[np.ndarray, "n hs ws 3"], float]:
     """Coloured tiles no wider than about `tile_width`, and the magnitude at which their colours end."""
     end = voxel_limit(grid) if limit is None else limit
+    return diverging()[voxel_levels(grid, tile_width, end)], end
+
+
+def voxel_levels(grid: Float[np.ndarray, "n h w"], tile_width: int, limit: float) -> UInt8[np.ndarray, "n hs ws"]:
+    """The same tiles as places in the ramp `diverging`."""
     factor = max(1, round(grid.shape[-1] / tile_width))
-    return diverge(signed_max_pool(grid, factor), end), end
+    return diverging_levels(signed_max_pool(grid, factor), limit)

@@ -65,7 +65,7 @@ def sheet_picture(
 
 def _pictures(moment: Moment, ready: Ready, tones: Tones, style: EventStyle) -> Section:
     tiles = [
-        Tile(event_picture(moment, style)[0], "Events", style),
+        Tile(event_picture(moment, style)[0].colours, "Events", style),
         Tile(reconstruction_image(ready, tones), "Reconstruction"),
     ]
     found = camera_image(moment, tones)
@@ -78,7 +78,7 @@ def _pictures(moment: Moment, ready: Ready, tones: Tones, style: EventStyle) -> 
 def _voxels(moment: Moment) -> Section:
     limit = voxel_limit(moment.voxel)
     bins, _ = voxel_tiles(moment.voxel, moment.recording.sensor.width, limit)
-    tiles = [Tile(tile, f"Bin {index + 1}", bin_words(index)) for index, tile in enumerate(bins)]
+    tiles = [Tile(tile, f"Bin {index}", bin_words(index)) for index, tile in enumerate(bins)]
     scale = Scale(diverging(), f"darker, -{short(limit)}", f"+{short(limit)}, brighter")
     return Section([Row(tiles)], f"Network input (voxel grid, {NUM_BINS} bins): polarity sum", scale)
 

@@ -111,7 +111,7 @@ def picture_of(page: Page, is_phone: bool) -> tuple[object, UInt8[np.ndarray, "h
     if shows_act and state.of(DemoState).act == "events" and page.moment is not None:
         style = state.of(EventsState).event_image
         image, _ = event_picture(page.moment, style)
-        return ("events", page.moment.key, style), image
+        return ("events", page.moment.key, style), image.colours
     if ready is None or state.of(DemoState).guess == "asked":
         return None, None
     lags, look, tones = page.lags, look_of(page), tones_of(page)

@@ -6,8 +6,8 @@ from app.html.elements import empty, escape, legend, panel, picture
 from app.html.moment import NUM_BINS, PICTURES, Moment
 from app.html.units import short
 from etnet.render.colours import css_gradient, diverging
-from etnet.render.encode import data_url
-from etnet.render.voxels import voxel_limit, voxel_tiles
+from etnet.render.encode import Indexed, data_url
+from etnet.render.voxels import voxel_levels, voxel_limit
 from etnet.voxel import MIN_EVENTS
 
 TILE_WIDTH = 120
@@ -34,11 +34,11 @@ def _voxel_html(moment: Moment, opened: int | None) -> str:
             empty("An empty grid", f"This window holds fewer than {MIN_EVENTS} events; the network is given zeros."),
         )
     limit = voxel_limit(moment.voxel)
-    small, _ = voxel_tiles(moment.voxel, TILE_WIDTH, limit)
+    small = voxel_levels(moment.voxel, TILE_WIDTH, limit)
     tiles: list[str] = []
     for index, tile in enumerate(small):
         image = picture(
-            data_url(tile, is_lossless=True),
+            data_url(Indexed(tile, diverging()), is_lossless=True),
             f"time bin {index}",
             key=f"set:voxels.voxel_bin:{index}",
             size=(tile.shape[1], tile.shape[0]),
@@ -60,9 +60,9 @@ def _voxel_html(moment: Moment, opened: int | None) -> str:
 
 
 def _large(moment: Moment, opened: int, limit: float) -> str:
-    tile, _ = voxel_tiles(moment.voxel[opened : opened + 1], moment.recording.sensor.width, limit)
+    tile = voxel_levels(moment.voxel[opened : opened + 1], moment.recording.sensor.width, limit)
     image = picture(
-        data_url(tile[0], is_lossless=True),
+        data_url(Indexed(tile[0], diverging()), is_lossless=True),
         f"time bin {opened}, large",
         key="set:voxels.voxel_bin:none",
         size=(tile.shape[2], tile.shape[1]),

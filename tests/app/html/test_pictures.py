@@ -115,7 +115,7 @@ def test_the_event_image_counts_both_polarities(moment, style_name):
     assert f"brighter (ON) {num_on}" in page.text
     assert f"darker (OFF) {50 - num_on}" in page.text
     image, limit = event_picture(moment, style_name)
-    assert image.shape == (37, 50, 3)
+    assert image.colours.shape == (37, 50, 3)
     assert limit > 0
 
 

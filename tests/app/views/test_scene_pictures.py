@@ -37,7 +37,7 @@ def test_on_a_phone_the_demos_scene_shows_what_is_spoken_of(moment, ready):
     }
     events, _ = event_picture(moment, EventsState().event_image)
     grey = np.repeat(reconstruction_image(ready, TONES)[..., None], 3, axis=2)
-    assert np.array_equal(picture_of(pages["events"], True)[1], events)
+    assert np.array_equal(picture_of(pages["events"], True)[1], events.colours)
     assert np.array_equal(picture_of(pages["image"], True)[1], grey)
     places = attention_image(ready, look_of(pages["places"]), AttentionState().site)
     assert np.array_equal(picture_of(pages["places"], True)[1], places)
