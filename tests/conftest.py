@@ -39,7 +39,7 @@ _sessions: list[pytest.Session] = []
 
 @atexit.register  # before all others, so that it is the last to run
 def _leave() -> None:
-    """End as the viewer does: a thread that still computes would crash in an interpreter that is torn down under it."""
+    """End as the viewer does, which waits for no thread that computes: an interpreter torn down under one may crash."""
     for session in _sessions:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -15,6 +15,7 @@ import zlib
 from pathlib import Path
 
 from etnet.errors import RecordingError
+from etnet.events.formats.hdf5.at_exit import close_at_exit
 from etnet.files import write_atomically
 
 _MAGIC = b"etnetH5J"
@@ -31,6 +32,7 @@ class CommittedFile(io.RawIOBase):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
+        close_at_exit()
         self._path = path
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o644)
         journal_of(path).unlink(missing_ok=True)

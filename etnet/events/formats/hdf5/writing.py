@@ -15,6 +15,8 @@ from typing import Any
 
 import h5py
 
+from etnet.events.formats.hdf5.at_exit import close_at_exit
+
 
 class WrittenFile(h5py.File):
     """A file of which `check` says, after each part, whether the disk took it."""
@@ -54,6 +56,7 @@ class _NeverFails(io.RawIOBase):
     """Writes straight to a file; from the first write that fails on, all of it goes to memory and is thrown away."""
 
     def __init__(self, path: Path) -> None:
+        close_at_exit()
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
         self._place = 0
         self._kept: dict[int, bytes] = {}
