@@ -377,4 +377,4 @@ class Viewer:
 
         self.engine.forget(recording_id)
         for shared in (PICTURES, ARRAYS):
-            shared.forget(recording_id)
+            shared.forget_word(recording_id)

@@ -18,14 +18,15 @@ from app.engine.gentle_import import GentleImport
 from app.engine.jobs import Job, JobQueue, Tell
 from app.engine.kept_frames import KeptFrames, KeptRanges, show_kept
 from app.engine.live import LiveSteps
-from app.engine.playbacks import Library, LoadedPlayback, Loader, Pace, PlaybackCache
+from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache
 from app.engine.prefetch import Prefetcher
+from app.engine.published import Published
 from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
 from app.engine.recent_frames import RecentFrames
 from app.engine.replies import array_of, check_step, hand_over, ready_of
 from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
 from app.engine.thumbnails import Thumbnails
-from etnet.errors import Cancelled, WindowError
+from etnet.errors import Cancelled, RecordingError, WindowError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,8 +42,6 @@ PATIENCE = 1_000.0
 """A seek that will take longer (ms) shows an approximate frame first."""
 SLOW_STEP = 2_000.0
 """A step expected to take longer (ms) is announced before the first one."""
-REPORT_INTERVAL = 0.2
-"""Seconds between two reports of what is cached while a seek runs."""
 
 _log = logging.getLogger(__name__)
 
@@ -83,10 +82,7 @@ class Engine:
         self._thumbnails = Thumbnails()
         self._is_stopping = False
         self._is_loading = False
-        self._reports: dict[tuple[object, ...], CacheReport] = {}
-        self._paces: dict[tuple[object, ...], Pace] = {}
-        self._precisions: dict[tuple[str, str], str] = {}
-        self._reported_at = 0.0
+        self._published = Published()
         self._thread = Thread(target=self._run, daemon=True, name="engine")
         self._thread.start()
 
@@ -107,7 +103,7 @@ class Engine:
         turn = self._book.put(visitor, request, deliver, is_shown=True)
         self._recent.keep(at_hand)
         hand_over(turn, at_hand)
-        if not request.wants_attention and request.playback in self._paces:
+        if not request.wants_attention and self._published.pace(request) is not None:
             self._book.settle(turn)
 
     def expect(self) -> None:
@@ -150,7 +146,7 @@ class Engine:
 
     def cached(self, request: FrameRequest) -> CacheReport | KeptRanges | None:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
-        return self._reports.get(request.playback) or self._kept.ranges(request)
+        return self._published.cached(request) or self._kept.ranges(request)
 
     def thumbnail(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
         """A small copy of a request's exact frame, if it was computed lately."""
@@ -158,8 +154,7 @@ class Engine:
 
     def status(self, request: FrameRequest) -> EngineStatus:
         """How the engine fares with requests like this one."""
-        pace = self._paces.get(request.playback)
-        precision = self._precisions.get((request.model_id, request.precision))
+        pace, precision = self._published.pace(request), self._published.precision(request)
         return EngineStatus(self._is_loading, pace.step if pace else None, precision, self._book.num_waiting)
 
     # What runs on the engine's thread.
@@ -207,9 +202,9 @@ class Engine:
         """A live window's frame is at hand for all who ask for it."""
         loaded.pace.note_whole((time.perf_counter() - began) * 1000)
         loaded.state_bytes = step.state.nbytes
-        self._paces[request.playback] = loaded.pace
+        self._published.tell_pace(request, loaded)
         self._recent.keep(ready_of(loaded, request, step.frame, None, began))
-        self._report(request, loaded, at_once=False)
+        self._published.tell(request, loaded, at_once=False)
 
     def _serve(self, turn: PendingRequest) -> None:
         try:
@@ -236,6 +231,16 @@ class Engine:
                 self._say(turn, ready)
         elif turn.num_turns == 1 and loaded.reaches(request.index):
             self._preview(turn, loaded)
+        try:
+            self._compute(turn, loaded, began)
+        except RecordingError:
+            if loaded.reaches(request.index):
+                raise
+            # Events on the way have left a live recording's buffer while it was replayed.
+            self._compute(turn, self._playbacks.reaching(request), began)
+
+    def _compute(self, turn: PendingRequest, loaded: LoadedPlayback, began: float) -> None:
+        request = turn.request
         if not loaded.reaches(request.index):
             self._finish(turn, self._cold(turn, loaded, began))
             return
@@ -260,18 +265,13 @@ class Engine:
                 self._is_loading = False
             self._kept.learn(request, loaded)
             self._note_precision(request.model_id, request.precision)
-            self._paces[request.playback] = loaded.pace
-            self._forget_reports()
+            self._published.tell_pace(request, loaded)
+            self._published.keep_only(self._playbacks.held_keys())
             if loaded.expected_step > SLOW_STEP:
                 size, seconds = loaded.playback.recording.sensor, loaded.expected_step / 1000
                 self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
         check_step(loaded, self._longest_step)
         return self._playbacks.reaching(request)
-
-    def _forget_reports(self) -> None:
-        held = self._playbacks.held_keys()
-        self._reports = {key: report for key, report in self._reports.items() if key in held}
-        self._paces = {key: pace for key, pace in self._paces.items() if key in held}
 
     def _forget_recording(self, recording_id: str) -> None:
         self._playbacks.forget(recording_id)
@@ -279,7 +279,7 @@ class Engine:
         self._recent.forget(recording_id)
         self._thumbnails.forget(recording_id)
         self._kept.forget(recording_id)
-        self._forget_reports()
+        self._published.keep_only(self._playbacks.held_keys())
 
     def _preview(self, turn: PendingRequest, loaded: LoadedPlayback) -> None:
         """Show an approximate frame before a long seek."""
@@ -322,14 +322,14 @@ class Engine:
             clock[0] = now
             if total > 1:
                 self._say(turn, Working(request, done, total, "replaying"))
-            self._report(request, loaded, at_once=False)
+            self._published.tell(request, loaded, at_once=False)
 
         try:
             probe = AttentionProbe() if request.wants_attention else None
             step = playback.at(request.index, probe, intervention, lambda: self._must_yield(turn, is_short), progress)
         finally:
             loaded.pace.note(float(np.median(encodes)) if encodes else None, None)
-            self._report(request, loaded)
+            self._published.tell(request, loaded)
         loaded.pace.note(None, (time.perf_counter() - clock[0]) * 1000)
         loaded.state_bytes = step.state.nbytes
         return step
@@ -360,18 +360,11 @@ class Engine:
     def _fail(self, turn: PendingRequest, message: str) -> None:
         self._finish(turn, Failed(turn.request, message))
 
-    def _report(self, request: FrameRequest, loaded: LoadedPlayback, at_once: bool = True) -> None:
-        """Publish what is cached, as a value that other threads may read."""
-        now = time.monotonic()
-        if at_once or now - self._reported_at > REPORT_INTERVAL:
-            self._reported_at = now
-            self._reports[request.playback] = loaded.playback.cached()
-
     # While nobody waits.
 
     def _note_prepared(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
         """Publish what was prepared; `request` is that of the window."""
-        self._report(request, loaded)
+        self._published.tell(request, loaded)
         frame = loaded.playback.frame(request.index)
         if frame is not None:
             self._thumbnails.keep(request.plain, array_of(frame))
@@ -392,9 +385,7 @@ class Engine:
             self._is_loading = False
 
     def _note_precision(self, model_id: str, precision: str) -> None:
-        model, _ = self._playbacks.model(model_id, precision)
-        runtime = getattr(model, "runtime", None)
-        self._precisions[model_id, precision] = runtime.precision if runtime else "fp32"
+        self._published.tell_precision(model_id, precision, self._playbacks.model(model_id, precision)[0])
 
     def _is_wanted_elsewhere(self) -> bool:
         return self._is_stopping or self._book.num_waiting > 0

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from app.engine.byte_cache import ByteCache
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
+from etnet.byte_cache import ByteCache
 
 if TYPE_CHECKING:
     from torch import Tensor

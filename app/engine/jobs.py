@@ -17,6 +17,7 @@ from app.catalogue.recording_id import is_of
 from app.engine.failures import in_words
 from app.engine.playbacks import LoadedPlayback, PlaybackCache
 from app.engine.requests import FrameRequest
+from etnet.byte_cache import ByteCache
 from etnet.errors import Cancelled, ModelError
 
 KEPT_BYTES = 64 << 20
@@ -72,22 +73,19 @@ class JobQueue:
         self._playbacks = playbacks
         self._changed = changed
         self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
-        self._kept: OrderedDict[Job, tuple[JobResult, int]] = OrderedDict()
-        self._kept_bytes = 0
+        self._kept: ByteCache[Job, JobResult] = ByteCache(KEPT_BYTES, overhead=0)
 
     def put(self, visitor: str, slot: str, job: Job, tell: Tell) -> None:
         """Ask; what stood in the slot is forgotten. An answer that is known comes at once."""
         with self._changed:
             former = self._entries.pop((visitor, slot), None)
-            known = self._kept.get(job)
+            known = self._kept.find(job)
             if known is None:
                 self._entries[visitor, slot] = _Entry(job, tell)
                 self._changed.notify_all()
-            else:
-                self._kept.move_to_end(job)
         _end(former)
         if known is not None:
-            _tell(tell, slot, known[0])
+            _tell(tell, slot, known)
 
     def drop(self, visitor: str, slot: str | None = None) -> None:
         """Forget one question of a visitor, or all of them."""
@@ -99,13 +97,11 @@ class JobQueue:
 
     def forget(self, recording_id: str) -> None:
         """Forget every answer about a recording."""
-        with self._changed:
-            for job in [job for job in self._kept if is_of(job.request.recording_id, recording_id)]:
-                self._kept_bytes -= self._kept.pop(job)[1]
+        self._kept.forget(lambda job: is_of(job.request.recording_id, recording_id))
 
     @property
     def num_waiting(self) -> int:
-        """JobSink that are not whole yet."""
+        """Jobs that are not whole yet."""
         with self._changed:
             return len(self._entries)
 
@@ -141,7 +137,7 @@ class JobQueue:
                 return
         value, _ = entry.newest
         result = JobResult(entry.job, value, 1.0, is_whole=True)
-        self._keep(result)
+        self._kept.keep(result.job, result, num_bytes(value))
         self._settle(key, entry, result)
 
     def _holds(self, key: tuple[str, str], entry: _Entry) -> bool:
@@ -154,16 +150,6 @@ class JobQueue:
                 return
             del self._entries[key]
         _tell(entry.tell, key[1], result)
-
-    def _keep(self, result: JobResult) -> None:
-        size = num_bytes(result.value)
-        with self._changed:
-            if result.job in self._kept or size > KEPT_BYTES:
-                return
-            self._kept[result.job] = (result, size)
-            self._kept_bytes += size
-            while self._kept_bytes > KEPT_BYTES:
-                self._kept_bytes -= self._kept.popitem(last=False)[1][1]
 
 
 def _end(entry: _Entry | None) -> None:

@@ -18,6 +18,7 @@ from app.catalogue.recording_id import is_of
 from app.engine.denoised import cleaned_once
 from app.engine.requests import FrameRequest
 from app.engine.warmth import SPARSEST, windows_seen
+from etnet.byte_cache import ByteCache
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
 from etnet.nets.intervention import ORIGINAL, Intervention
@@ -211,8 +212,8 @@ class PlaybackCache:
         self._load = load or load_network
         self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
         self._stages: OrderedDict[tuple[object, ...], LoadedPlayback] = OrderedDict()
-        self._attention: OrderedDict[tuple[object, ...], Attention] = OrderedDict()
-        self._attention_bytes = 0
+        share = int(budget_bytes * ATTENTION_SHARE)
+        self._attention: ByteCache[tuple[object, ...], Attention] = ByteCache(share, overhead=0, fewest=1)
 
     def start(self) -> None:
         """Import torch and set its threads, for this thread and process."""
@@ -271,19 +272,11 @@ class PlaybackCache:
 
     def attention(self, request: FrameRequest) -> Attention | None:
         """The attention of a request's frame, if it is still held."""
-        key = (*request.playback, *request.frame)
-        if key in self._attention:
-            self._attention.move_to_end(key)
-        return self._attention.get(key)
+        return self._attention.find((*request.playback, *request.frame))
 
     def keep_attention(self, request: FrameRequest, attention: Attention) -> None:
         """Hold a frame's attention for the next request; the oldest go when their share of the budget is full."""
-        key = (*request.playback, *request.frame)
-        if key not in self._attention:
-            self._attention_bytes += attention.nbytes
-        self._attention[key] = attention
-        while len(self._attention) > 1 and self._attention_bytes > self._budget_bytes * ATTENTION_SHARE:
-            self._attention_bytes -= self._attention.popitem(last=False)[1].nbytes
+        self._attention.keep((*request.playback, *request.frame), attention, attention.nbytes)
 
     def _new_stage(self, request: FrameRequest) -> LoadedPlayback:
         from etnet.nets.runtime import contract_of
@@ -337,8 +330,7 @@ class PlaybackCache:
     def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
         for key in keys:
             del self._stages[key]
-            for held in [name for name in self._attention if name[: len(key)] == key]:
-                self._attention_bytes -= self._attention.pop(held).nbytes
+            self._attention.forget(lambda frame, of=key: frame[: len(of)] == of)
         if keys:
             self._divide()
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from threading import Lock
-
 import cv2
 import numpy as np
 from jaxtyping import Float16, Float32
 
 from app.catalogue.recording_id import is_of
 from app.engine.requests import FrameRequest
+from etnet.byte_cache import ByteCache
 
 LARGEST = 8 << 20
 """Bytes of all visitors' small frames: some 400 of them."""
@@ -22,40 +20,25 @@ class Thumbnails:
     """The newest small frames by what was asked for; the oldest go when there is no room."""
 
     def __init__(self, largest: int = LARGEST) -> None:
-        self._largest = largest
-        self._held: OrderedDict[tuple[object, ...], Float16[np.ndarray, "h w"]] = OrderedDict()
-        self._nbytes = 0
-        self._lock = Lock()
+        self._held: ByteCache[tuple[object, ...], Float16[np.ndarray, "h w"]] = ByteCache(largest, overhead=0)
 
     def keep(self, request: FrameRequest, frame: Float32[np.ndarray, "h w"]) -> None:
         """Keep a small copy of an exact frame, unless it is held."""
-        key = thumbnail_key(request)
-        with self._lock:
-            if key in self._held:
-                return
-        small = _small(frame)
-        with self._lock:
-            self._held[key] = small
-            self._nbytes += small.nbytes
-            while self._nbytes > self._largest:
-                self._nbytes -= self._held.popitem(last=False)[1].nbytes
+        self._held.get(thumbnail_key(request), lambda: _small(frame), lambda small: small.nbytes)
 
     def find(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
         """The small frame of a request; `None` where none is held."""
-        with self._lock:
-            small = self._held.get(thumbnail_key(request))
+        small = self._held.find(thumbnail_key(request))
         return None if small is None else small.astype(np.float32)
 
     def forget(self, recording_id: str) -> None:
         """Forget a recording's frames."""
-        with self._lock:
-            for key in [key for key in self._held if is_of(str(key[0]), recording_id)]:
-                self._nbytes -= self._held.pop(key).nbytes
+        self._held.forget(lambda key: is_of(str(key[0]), recording_id))
 
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        return self._nbytes
+        return self._held.nbytes
 
 
 def thumbnail_key(request: FrameRequest) -> tuple[object, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.catalogue.cut import CutRecording
-from app.engine.byte_cache import ByteCache
+from etnet.byte_cache import ByteCache
 from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Events
 from etnet.events.recording import Recording

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from etnet.byte_cache import ByteCache
 from etnet.errors import Cancelled
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.events.recording import Recording
@@ -16,9 +17,9 @@ from etnet.nets.attention import AttentionProbe
 from etnet.nets.base import Pyramid, Reconstructor, State, Step, variance_of
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.runtime import contract_of, device_of
+from etnet.nets.storage import kept_alive
 from etnet.playback.checkpoints import Checkpoints
 from etnet.playback.disk_cache import DiskCache, RunCache
-from etnet.playback.frames import Frames
 from etnet.playback.run_key import run_cache
 from etnet.reconstruction import window_voxel
 from etnet.windows import Window
@@ -75,7 +76,8 @@ class Playback:
         self.parent: Playback | None = None
         self._budget_bytes = budget_bytes
         self._states = Checkpoints(int(budget_bytes * STATE_SHARE))
-        self._frames = Frames(budget_bytes - int(budget_bytes * STATE_SHARE))
+        share = budget_bytes - int(budget_bytes * STATE_SHARE)
+        self._frames: ByteCache[tuple[int, Intervention], Tensor] = ByteCache(share, overhead=0)
         self._playhead = 0
         self._disk = None if disk is None else run_cache(disk, model, recording, windows)
         self._contract = contract_of(model)
@@ -114,19 +116,19 @@ class Playback:
             if frame is not None:
                 return Step(frame, state, variance=variance_of(self.model, state))
             frame, attention = self.model.decode(pyramid, probe, self._decoding(intervention, index))
-        self._frames.put((index, intervention), frame)
+        self._keep_frame((index, intervention), frame)
         if intervention == ORIGINAL and (disk := self._usable_disk()) is not None:
             disk.put_frame(index, frame)
         return Step(frame, state, attention, variance_of(self.model, state))
 
     def frame(self, index: int, intervention: Intervention = ORIGINAL) -> Float[Tensor, "1 1 h w"] | None:
         """The frame of window `index` if it is held, here or on disk, else `None`; computes nothing."""
-        frame = self._frames.get((index, intervention))
+        frame = self._frames.find((index, intervention))
         if frame is None and intervention == ORIGINAL and (disk := self._usable_disk()) is not None:
             frame = disk.frame(index)
             if frame is not None:
                 frame = frame.to(device_of(self.model))
-                self._frames.put((index, intervention), frame)
+                self._keep_frame((index, intervention), frame)
         return frame
 
     def lay_state(self, index: int, cancelled: Callable[[], bool] | None = None) -> None:
@@ -185,7 +187,7 @@ class Playback:
 
     def cached(self) -> CacheReport:
         """Which frames and states are held now."""
-        frames = {key[0] for key in self._frames.keys() if isinstance(key, tuple) and key[1] == ORIGINAL}  # noqa: SIM118
+        frames = {index for index, intervention in self._frames.keys() if intervention == ORIGINAL}  # noqa: SIM118
         disk = self._usable_disk()
         frames |= frozenset() if disk is None else disk.frames
         return CacheReport(_ranges(frames), _ranges(self._states), self._frames.nbytes + self._states.nbytes)
@@ -217,6 +219,10 @@ class Playback:
         states = int(budget_bytes * STATE_SHARE)
         self._states.set_budget(states, self._playhead)
         self._frames.set_budget(budget_bytes - states)
+
+    def _keep_frame(self, key: tuple[int, Intervention], frame: Tensor) -> None:
+        """A frame weighs its margins too: they were cropped away, and stay with it."""
+        self._frames.keep(key, frame, kept_alive((frame,)))
 
     def _pyramid(
         self, index: int, cancelled: Callable[[], bool] | None, progress: Callable[[int, int], None] | None

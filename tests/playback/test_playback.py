@@ -16,7 +16,6 @@ from etnet.nets.etnet import ETNet
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
 from etnet.nets.storage import kept_alive
-from etnet.playback.frames import Frames
 from etnet.playback.playback import Playback
 from etnet.reconstruction import window_voxel
 from etnet.voxel import voxel_grid
@@ -223,9 +222,8 @@ def test_a_state_is_given_without_decoding():
 
 
 def test_a_frame_weighs_its_margins_too_because_they_stay_with_it():
+    playback = _playback(MODEL, budget_states=2)
+    before = playback._frames.nbytes
     padded = torch.zeros(1, 1, 16, 24)
-    frames = Frames(3 * padded.nbytes)
-    for index in range(10):
-        frames.put(index, padded.clone()[..., 1:14, 2:21])
-    assert len(frames.keys()) == 3
-    assert frames.nbytes == 3 * padded.nbytes
+    playback._keep_frame((1, ORIGINAL), padded[..., 1:14, 2:21])
+    assert playback._frames.nbytes == before + padded.nbytes

@@ -50,6 +50,27 @@ def test_a_network_that_comes_late_begins_cold_and_none_of_its_frames_is_called_
         assert "gone: what came before" in inbox.failed().message
 
 
+def test_events_that_leave_the_buffer_while_they_are_replayed_make_a_cold_frame_and_no_error(monkeypatch):
+    with live_viewer(replayed(num_events=200_000), Keep(seconds=1.0)) as viewer:
+        wait_for(lambda: len(viewer.feed.recording().cut) > viewer.feed.recording().first_held > 0, 30)
+        engine, inbox = viewer.engine, Inbox()
+        late = next(entry.id for entry in viewer.catalogue.models() if entry.id != "etnet-half")
+        last = len(viewer.feed.recording().cut) - 1
+        plain = engine._exact_step
+
+        def slow(turn, loaded):
+            if turn.request.model_id == late:
+                monkeypatch.undo()
+                wait_for(lambda: not loaded.reaches(turn.request.index), 30)
+            return plain(turn, loaded)
+
+        monkeypatch.setattr(engine, "_exact_step", slow)
+        engine.request("somebody", _request(viewer, last, late), inbox)
+        ready = inbox.ready(last)
+        assert not ready.is_exact
+        assert ready.began_at > 0
+
+
 def test_a_long_question_about_the_past_does_not_hold_up_the_source():
     with live_viewer() as viewer:
         _cut(viewer, 10)

@@ -2,29 +2,10 @@
 
 import pytest
 
-from app.engine.byte_cache import ByteCache
 from app.html import units as words
 from app.html.attention.maps import Site, site_words
 from app.html.elements import empty, picture
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration
-
-
-def test_the_store_never_grows_past_its_budget():
-    store = ByteCache(10_000)
-    for i in range(100):
-        assert store.text(i, lambda i=i: str(i) * 500).startswith(str(i))
-    assert store.nbytes <= 10_000
-    assert 0 < len(store) < 100
-    assert store.text("large", lambda: "x" * 20_000) == "x" * 20_000
-    assert store.nbytes <= 10_000
-
-
-def test_the_store_weighs_a_text_by_the_memory_it_takes():
-    plain, with_a_dash = ByteCache(100_000), ByteCache(100_000)
-    plain.text(0, lambda: "x" * 10_000)
-    with_a_dash.text(0, lambda: "x" * 9_999 + "–")
-    assert 10_000 <= plain.nbytes < 10_600
-    assert 20_000 <= with_a_dash.nbytes < 20_600
 
 
 def test_a_picture_can_be_clicked_exactly_when_a_click_on_it_says_something():

@@ -11,7 +11,7 @@ import contextlib
 from functools import cache
 
 import h5py
-from h5py import h5f, h5fd, h5i
+from h5py import h5f, h5fd, h5i  # pyright: ignore[reportAttributeAccessIssue]  they are compiled
 
 _IN_FILES = h5f.OBJ_FILE | h5f.OBJ_GROUP | h5f.OBJ_DATASET | h5f.OBJ_ATTR
 
