@@ -115,14 +115,13 @@ def _check_file(file: Path | None) -> None:
 
 def _rehearse(viewer: Viewer) -> bool:
     """Render a demo's first recording before anybody comes; whether it can be shown."""
-    from app.session.rehearsal import rehearse
 
     def tell(done: int, total: int) -> None:
         end = "\n" if done == total else ""
         print(f"\rPreparing the first scene: image {done} of {total}", end=end, file=sys.stderr, flush=True)
 
     try:
-        rehearse(viewer.engine, viewer.catalogue, viewer.default, tell)
+        viewer.rehearse(tell)
     except (EtnetError, KeyboardInterrupt) as error:
         viewer.stop()
         print(f"\netnet-view: {error or 'stopped'}", file=sys.stderr)
@@ -191,6 +190,7 @@ class Viewer:
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
+        from app.web.index_page import IndexPage
         from app.web.server import Address, free_port, start_server
 
         sweep("etnet-")  # what a viewer that was killed has left: visitors' files, and scratch
@@ -220,6 +220,7 @@ class Viewer:
         streams = self.catalogue.films.stream
         self.mirrors = Mirrors(streams, self.catalogue.take_in, self._let_go) if config.camera else None
         self.homes = Homes() if config.take_home else None
+        self._index = IndexPage(config.public_url)
         self._presentation = Presentation() if config.follow else None
         self.server = start_server(
             address,
@@ -228,6 +229,7 @@ class Viewer:
             MOST_VISITORS if config.demo else None,
             self._doors(),
             self.homes.get if self.homes is not None else lambda path: None,
+            self._index,
         )
         self.port = self.server.get_port()
         if self.live is not None:
@@ -268,6 +270,22 @@ class Viewer:
         is_moved = self._wanted_port not in (0, self.port)
         busy = f" (port {self._wanted_port} is busy)" if is_moved else ""
         return f"ET-Net viewer: open {self.url}{busy} — Press Ctrl+C to stop"
+
+    def rehearse(self, tell: Callable[[int, int], None] = lambda done, total: None) -> None:
+        """Render the first recording before anybody comes; its first events then move before the page has started.
+
+        `tell` is told (images made, images wanted). Raises EtnetError where the recording cannot be shown.
+        """
+        from app.catalogue.recordings import suited_policy
+        from app.session.rehearsal import rehearse
+        from app.views.demo.first import first_html
+
+        view = self.default
+        rehearse(self.engine, self.catalogue, view, tell)
+        if self.live is None:
+            recording = self.catalogue.open(view.recording_id)
+            policy = suited_policy(recording) if view.policy is None else view.policy
+            self._index.begin_with(first_html(recording, policy))
 
     def newest_page(self) -> Page | None:
         """What was drawn last for anybody who is here; `None` before anything was."""
