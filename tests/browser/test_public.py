@@ -292,11 +292,15 @@ def test_a_gamepad_moves_the_spot_plays_and_goes_back_to_the_events(browser, dem
 
 def test_a_group_guesses_before_it_sees_the_image(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
+    stood = page.evaluate("() => window.__viserMutable.cameraControl.azimuthAngle")
+    turned = "(stood) => Math.abs(window.__viserMutable.cameraControl.azimuthAngle - stood)"
     press(page, "Guess first")
     page.locator(".etv-veiled").first.wait_for()
+    page.wait_for_function(f"(stood) => ({turned})(stood) > 0.3", arg=stood)
     assert page.evaluate("() => getComputedStyle(document.querySelector('.etv-veiled .et-picture')).opacity") == "0"
     press(page, "Show the image")
     page.locator(".etv-unveiled").first.wait_for()
+    page.wait_for_function(f"(stood) => ({turned})(stood) < 0.01", arg=stood)
     close(page)
 
 
