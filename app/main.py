@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from app.session.session import Session
     from app.views.page import Page
     from app.web.access import Handler
+    from app.web.server import Address
     from etnet.export.session_file import Session as TakenSession
 
 
@@ -115,14 +116,13 @@ def _check_file(file: Path | None) -> None:
 
 def _rehearse(viewer: Viewer) -> bool:
     """Render a demo's first recording before anybody comes; whether it can be shown."""
-    from app.session.rehearsal import rehearse
 
     def tell(done: int, total: int) -> None:
         end = "\n" if done == total else ""
         print(f"\rPreparing the first scene: image {done} of {total}", end=end, file=sys.stderr, flush=True)
 
     try:
-        rehearse(viewer.engine, viewer.catalogue, viewer.default, tell)
+        viewer.rehearse(tell)
     except (EtnetError, KeyboardInterrupt) as error:
         viewer.stop()
         print(f"\netnet-view: {error or 'stopped'}", file=sys.stderr)
@@ -191,7 +191,7 @@ class Viewer:
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
-        from app.web.server import Address, free_port, start_server
+        from app.web.server import Address, free_port
 
         sweep("etnet-")  # what a viewer that was killed has left: visitors' files, and scratch
         # A visitor who leaves while the page is drawn is nothing to tell on the terminal.
@@ -221,14 +221,7 @@ class Viewer:
         self.mirrors = Mirrors(streams, self.catalogue.take_in, self._let_go) if config.camera else None
         self.homes = Homes() if config.take_home else None
         self._presentation = Presentation() if config.follow else None
-        self.server = start_server(
-            address,
-            self.port,
-            self._visit,
-            MOST_VISITORS if config.demo else None,
-            self._doors(),
-            self.homes.get if self.homes is not None else lambda path: None,
-        )
+        self.server = self._serve(address, MOST_VISITORS if config.demo else None)
         self.port = self.server.get_port()
         if self.live is not None:
             self.live.start()
@@ -237,6 +230,15 @@ class Viewer:
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up
         if default.recording_id and self.live is None:
             THREADS.start(lambda: self._open_first(default.recording_id), "opening")
+
+    def _serve(self, address: Address, most_visitors: int | None) -> viser.ViserServer:
+        """The page, for everybody who may come."""
+        from app.web.index_page import IndexPage
+        from app.web.server import start_server
+
+        self._index = IndexPage(address.public_url)
+        pages = self.homes.get if self.homes is not None else lambda path: None
+        return start_server(address, self.port, self._visit, most_visitors, self._doors(), pages, self._index)
 
     def _new_engine(self, config: ViewerConfig, default: ViewState) -> Engine:
         """One engine for all visitors, with what earlier starts kept on disk."""
@@ -268,6 +270,22 @@ class Viewer:
         is_moved = self._wanted_port not in (0, self.port)
         busy = f" (port {self._wanted_port} is busy)" if is_moved else ""
         return f"ET-Net viewer: open {self.url}{busy} — Press Ctrl+C to stop"
+
+    def rehearse(self, tell: Callable[[int, int], None] = lambda done, total: None) -> None:
+        """Render the first recording before anybody comes; its first events then move before the page has started.
+
+        `tell` is told (images made, images wanted). Raises EtnetError where the recording cannot be shown.
+        """
+        from app.catalogue.recordings import suited_policy
+        from app.session.rehearsal import rehearse
+        from app.views.demo.first import first_html
+
+        view = self.default
+        rehearse(self.engine, self.catalogue, view, tell)
+        if self.live is None:
+            recording = self.catalogue.open(view.recording_id)
+            policy = suited_policy(recording) if view.policy is None else view.policy
+            self._index.begin_with(first_html(recording, policy))
 
     def newest_page(self) -> Page | None:
         """What was drawn last for anybody who is here; `None` before anything was."""

@@ -150,8 +150,8 @@ def _handed_out() -> float:
 
 def _cached_bytes(engine) -> int:
     """Bytes of all caches. Frames at hand are mostly those of a playback, so each buffer is counted once."""
+    from app.engine.frame_scores import _SCORES
     from app.html.moment import ARRAYS, PICTURES
-    from app.views.compare.jobs.scores import _SCORES
 
     loadeds = [loaded.playback for loaded in tuple(engine._playbacks._stages.values())]
     frames = {ready.frame.ctypes.data: ready.frame.nbytes for ready in tuple(engine._recent._held.values())}

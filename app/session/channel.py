@@ -104,12 +104,7 @@ def open_channel(gui: viser.GuiApi, hear: Callable[[Any], None], views: Sequence
             hear(heard)
 
     # A script inside innerHTML does not run; an image that has loaded does. On a reconnect it names the new field.
-    start = (
-        f"window.etnetChannel='{field._impl.uuid}';"
-        "if(window.etnetHello)window.etnetHello();else if(!document.getElementById('etnet-channel')){"
-        "const s=document.createElement('script');s.id='etnet-channel';s.src='/static/channel.js';"
-        "document.head.append(s)}"
-    )
+    start = f"window.etnetChannel='{field._impl.uuid}';window.etnetHello?.()"
     pixel = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
     lets = f' data-etv-ticket="{escape(ticket)}"' if ticket else ""
     gui.add_html(f'<img alt="" style="display:none" src="{pixel}"{lets} onload="{escape(start)}">')

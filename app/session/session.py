@@ -94,7 +94,7 @@ class Session:
         self._answers = NewestFrames()
         self._studying = VisitorJobs(engine, self._visitor, self._mail.put)
         self._comparing = VisitorRuns(engine, catalogue, self._visitor, self._mail.put)
-        self._is_known = False
+        self._is_known = default.is_public  # nothing is kept of a visitor in public, so no tab is waited for
         self._has_asked = False
         self._is_closed = False
         self._is_dirty = True

@@ -7,12 +7,14 @@ visitor's name. The guard looks at every HTTP request and every websocket handsh
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import hmac
 import mimetypes
 import secrets
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import unquote, urlencode
@@ -105,7 +107,8 @@ class AccessControl:
             if "token" in query and not is_websocket:
                 return self._move_token_to_cookie(url.path, query, port, self._is_public(host.name, host.port))
         if url.path.startswith("/static/") and not is_websocket:
-            return self._static_file(url.path.removeprefix("/static/"))
+            takes_gzip = "gzip" in (the_only(request.headers, "Accept-Encoding") or "")
+            return self._static_file(url.path.removeprefix("/static/"), takes_gzip)
         return None
 
     def secured(self, response: Response) -> None:
@@ -169,7 +172,7 @@ class AccessControl:
             cookie += "; Secure"
         return answer(302, "", {"Location": location, "Set-Cookie": cookie})
 
-    def _static_file(self, path: str) -> Response:
+    def _static_file(self, path: str, takes_gzip: bool) -> Response:
         parts = [part for part in unquote(path).replace("\\", "/").split("/") if part]
         file = self.static.joinpath(*parts)
         try:
@@ -179,7 +182,17 @@ class AccessControl:
         except (OSError, ValueError):  # a name that is too long, or that no file can have
             return answer(404, "not found")
         kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
-        return answer(200, content, {"Content-Type": kind, "Cache-Control": "max-age=3600"})
+        sent = {"Content-Type": kind, "Cache-Control": "max-age=3600"}
+        if kind.startswith("text/") or kind.endswith(("javascript", "+xml")):
+            sent["Vary"] = "Accept-Encoding"
+            if takes_gzip:
+                content, sent["Content-Encoding"] = _packed(content), "gzip"
+        return answer(200, content, sent)
+
+
+@lru_cache(maxsize=64)
+def _packed(content: bytes) -> bytes:
+    return gzip.compress(content, mtime=0)
 
 
 def cookie_name(port: int) -> str:

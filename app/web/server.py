@@ -81,11 +81,12 @@ def start_server(
     most_visitors: int | None = None,
     doors: Mapping[str, Handler] | None = None,
     pages: Callable[[str], bytes | None] = lambda path: None,
+    index: IndexPage | None = None,
 ) -> viser.ViserServer:
     """Serve the page on `port`. `visit` makes one session a visitor, on its own thread; it is closed when they leave.
 
     A visitor who comes when `most_visitors` are here already is told so, and gets no session. `doors` are
-    websockets beside viser's, `pages` whole pages, by their path.
+    websockets beside viser's, `pages` whole pages, by their path, `index` is the page itself.
     """
     public = public_origin(address.public_url) if address.public_url else None
     if address.public_url and public is None:
@@ -97,7 +98,7 @@ def start_server(
         address.token,
         LOOPBACK | {_bracketed(address.host).lower()},
         public,
-        IndexPage(address.public_url).dressed,
+        (index or IndexPage(address.public_url)).dressed,
         doors or {},
         pages,
         NOTEBOOKS if address.is_embedded else "'self'",

@@ -39,6 +39,14 @@ class Anatomy:
     gradients: Literal["yes", "unknown"] = "yes"
     """Whether a gradient comes back from the frame; of somebody's own function only the attempt tells."""
 
+    def site(self, wanted: str) -> str:
+        """`wanted`, or the first of its sites where it has none such: another network's sites have other names."""
+        return self.sites[0] if self.sites and wanted not in self.sites else wanted
+
+    def head(self, wanted: int | None) -> int | None:
+        """`wanted`, or all heads (`None`) where a site has not so many."""
+        return None if wanted is None or wanted >= self.num_heads else wanted
+
     @property
     def can_intervene(self) -> bool:
         """Whether parts of it can be switched off or changed."""

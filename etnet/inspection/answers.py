@@ -153,7 +153,7 @@ def _of_one_playback(asked: Asked, index: int) -> tuple[str, ...]:
             lines = _path(asked, index)
             if lines:  # the query goes along a followed path
                 query, span = Verbatim("path"), Verbatim("sorted(path)")
-            given = asked.given("region", "head")
+            given = asked.given("region", "head", "near")
             found = call("through_time.attention_through_time", _PLAYBACK, query, span, sites, **given)
             return (*lines, f"array = through_time.Track.of({found}).{asked.quantity}")
 

@@ -54,6 +54,8 @@ class Asked:
     """First and last window, both included."""
     until: int | None = None
     region: Region | None = None
+    near: int | None = None
+    """Pixels to each side of the query, in place of a region."""
     depths: Sequence[int] | None = None
     count: int | None = None
     discard: float | None = None

@@ -33,6 +33,12 @@ class Region:
             raise ValueError(f"{self} holds no pixel; wanted x_start < x_stop and y_start < y_stop")
 
     @staticmethod
+    def around(pixel: tuple[int, int], near: int) -> Region:
+        """A square: `near` pixels to each side of a pixel (x, y). What lies outside the sensor holds no attention."""
+        x, y = pixel
+        return Region(x - near, y - near, x + near + 1, y + near + 1)
+
+    @staticmethod
     def whole(grid: TokenGrid) -> Region:
         """All pixels of the sensor."""
         return Region(0, 0, grid.width, grid.height)

@@ -76,15 +76,19 @@ def attention_through_time(
     region: Region | None = None,
     cancelled: Callable[[], bool] | None = None,
     head: HeadChoice | None = None,
+    near: int | None = None,
 ) -> Iterator[Moment]:
     """The query pixel (x, y) in each of the windows `indices`, one decode each; ascending indices replay least.
 
     `query` is one pixel or, of a patch that is followed, a pixel for each index (`follow.pixels_of`). `sites` are all
     by default. `region` is the whole sensor by default, so that `mass` is what does not lie on padding; it moves with
-    no path. `head` chooses one map of the heads, taken as a distribution; without it every head is kept apart.
-    `cancelled` is asked before every window and between replayed steps, and ends the work with `Cancelled`.
+    no path. `near` takes, in its place, so many pixels to each side of the query, wherever that lies. `head` chooses
+    one map of the heads, taken as a distribution; without it every head is kept apart. `cancelled` is asked before
+    every window and between replayed steps, and ends the work with `Cancelled`.
     """
     require(playback.model, "attention")
+    if near is not None and (region is not None or near < 0):
+        raise ValueError(f"near is {near} and region {region}; give pixels around the query (0 or more) or a region")
     for index in indices:
         if cancelled is not None and cancelled():
             raise Cancelled("this track is no longer wanted")
@@ -99,13 +103,16 @@ def attention_through_time(
         if head is not None:
             rows = torch.stack([choose_head(of_site, head) for of_site in rows])[:, None]
             rows = rows / rows.sum(-1, keepdim=True)
+        within = Region.whole(grid) if region is None else region
+        if near is not None:
+            within = Region.around(pixel, near)
         on_grid = rows.unflatten(-1, (grid.rows, grid.columns))
         yield Moment(
             index,
             playback.windows[index].t_stop,
             pixel,
             attention.sites,
-            mass_on(rows, region_shares(grid, region or Region.whole(grid))),
+            mass_on(rows, region_shares(grid, within)),
             entropy_bits(rows),
             on_grid[:, :, row].clone(),  # a copy, so that a track does not hold on to every whole map
             on_grid[..., column].clone(),

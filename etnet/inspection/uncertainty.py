@@ -79,6 +79,14 @@ def dropout_spread(
         yield Spread(index, since, drop, num_seeds, exact, frames)
 
 
+def own_deviation(
+    playback: Playback, index: int, cancelled: Callable[[], bool] | None = None
+) -> Float[Tensor, "h w"] | None:
+    """The square root of the network's own variance of each pixel (`Step.variance`); `None` where it estimates none."""
+    variance = playback.at(index, cancelled=cancelled).variance
+    return None if variance is None else variance[0, 0].clamp_min(0).sqrt().cpu()
+
+
 def camera_error(
     playback: Playback, index: int, frame: Float[Tensor, "h w"], nearest: int = NEAREST
 ) -> Float[Tensor, "h w"] | None:

@@ -1,12 +1,27 @@
 // The page's end of app/session/channel.py: what viser's widgets cannot say. Every message is a text "kind|…|counter".
+// It runs before viser does: what a visitor does before there is anybody to tell is kept, and told first of all.
 (() => {
+  const MOST_UNSAID = 20;
+  const unsaid = [];
   let counter = Date.now();
-  const say = (...parts) => {
+  let owedWords = 0;
+  const tell = () => {
+    clearTimeout(owedWords);
     const page = window.__viserMutable;
-    if (!page || !window.etnetChannel) return;
-    const value = [...parts, ++counter].join("|");
-    page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value } });
+    if (!page?.sendMessage || !window.etnetChannel) {
+      owedWords = setTimeout(tell, 30);
+      return;
+    }
+    for (const parts of unsaid.splice(0)) {
+      const value = [...parts, ++counter].join("|");
+      page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value } });
+    }
   };
+  const say = (...parts) => {
+    if (unsaid.length < MOST_UNSAID) unsaid.push(parts);
+    tell();
+  };
+  window.etnetSay = say;
 
   // One number a tab, kept while the tab lives: a reload finds its own view again, a second tab has another.
   const tab = () => {
@@ -20,7 +35,11 @@
     }
   };
   const size = () => [window.innerWidth, window.innerHeight];
-  window.etnetHello = () => say("hello", tab(), ...size());
+  window.etnetHello = () => {
+    document.title = "ET-Net viewer"; // viser sets its own once it runs
+    unsaid.unshift(["hello", tab(), ...size()]);
+    tell();
+  };
 
   // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
   // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile.
@@ -190,10 +209,10 @@
     headWas = at;
   }, 150);
 
-  // In public the show lets go of the page at the first touch, wherever it is.
+  // In public the show lets go of the page at the first touch, wherever it is, be it on the picture before the page.
   let touched = 0;
   const touch = (event) => {
-    if (!event.isTrusted || event.timeStamp - touched < 500 || !document.querySelector("[data-etv-public]")) return;
+    if (!event.isTrusted || event.timeStamp - touched < 500 || !document.querySelector("[data-etv-public], .etv-opening")) return;
     touched = event.timeStamp;
     say("touch");
   };
@@ -354,7 +373,7 @@
   document.body.append(lost);
   let misses = 0;
   setInterval(async () => {
-    if (document.visibilityState !== "visible") return;
+    if (document.visibilityState !== "visible" || !window.etnetChannel) return;
     try {
       await fetch("/static/icon.svg", { cache: "no-store", signal: AbortSignal.timeout(3000) });
       if (misses >= 2) location.reload();
@@ -366,12 +385,5 @@
     }
   }, 3500);
 
-  document.title = "ET-Net viewer"; // viser sets its own once it runs
-  window.etnetHello();
   follow();
-  for (const name of ["scene", "tour", "upload", "tidy", "keys", "pictures"]) {
-    const script = document.createElement("script");
-    script.src = `/static/${name}.js`;
-    document.head.append(script);
-  }
 })();

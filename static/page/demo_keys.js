@@ -3,11 +3,7 @@
 (() => {
   const STEP = 0.05; // of the picture's width
   const REPEAT = 140;
-  const say = (...parts) => {
-    const page = window.__viserMutable;
-    if (!page || !window.etnetChannel) return;
-    page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value: [...parts, Date.now() + Math.random()].join("|") } });
-  };
+  const say = window.etnetSay;
   const isDemo = () => document.querySelector('[data-etv-workspace="demo"]') !== null;
   const inside = (f) => Math.min(Math.max(f, 0), 0.99999);
   let spot = [0.5, 0.5];

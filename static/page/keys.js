@@ -2,12 +2,7 @@
 // to the next site, digits choose a head; x shows the page without its change while it is held. The numbers of a map stand
 // in its element, so the one under the pointer is told without asking the server.
 (() => {
-  let counter = Date.now();
-  const press = (key) => {
-    const page = window.__viserMutable;
-    if (!page || !window.etnetChannel) return;
-    page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value: `pick|${key}|0|0|k${++counter}` } });
-  };
+  const press = (key) => window.etnetSay("pick", key, 0, 0);
   const TOKEN = 8; // pixels on its side
 
   // A map keeps the focus while its HTML is replaced; a press or the focus elsewhere takes it away.

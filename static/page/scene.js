@@ -38,6 +38,22 @@
   new MutationObserver(look).observe(document.body, { childList: true, subtree: true });
   setInterval(() => (unfold(), place()), 100);
 
+  // While a group guesses what the events are, the scene turns to and fro, and then stands as it stood.
+  const TURN = 0.6; // radians to each side
+  const ROUND = 9; // seconds
+  const still = matchMedia("(prefers-reduced-motion: reduce)");
+  let began = 0;
+  let turned = 0;
+  setInterval(() => {
+    const control = window.__viserMutable?.cameraControl;
+    const isGuessing = document.querySelector(".etv-veiled") !== null && !still.matches;
+    if (!control || (!isGuessing && !turned)) return;
+    began = isGuessing ? began || performance.now() : 0;
+    const angle = isGuessing ? TURN * Math.sin((2 * Math.PI * (performance.now() - began)) / 1000 / ROUND) : 0;
+    control.rotate(angle - turned, 0, false);
+    turned = angle;
+  }, 50);
+
   // A button whose HTML is replaced between press and release gets no click from the browser; it gets this one.
   let pressed = null;
   const buttonAt = (element) => element?.closest?.("button, summary, a[href]");

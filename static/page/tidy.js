@@ -1,6 +1,5 @@
 // Takes away what lies over the page and nobody is there to close: viser's remark on a slow machine, and, when the show
-// in public starts over, what the last visitor left open. It knows both by what stands in the page, and brings what
-// else the demo needs.
+// in public starts over, what the last visitor left open. It knows both by what stands in the page.
 (() => {
   const STAYS = 8000; // milliseconds in which the remark can be read, by whoever can do something about it
   const leads = () => {
@@ -22,11 +21,6 @@
     if (now && !was) document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape", bubbles: true }));
     was = now;
   };
-  for (const name of ["booth", "camera", "demo_keys"]) {
-    const script = document.createElement("script");
-    script.src = `/static/${name}.js`;
-    document.head.append(script);
-  }
   setInterval(() => {
     takeRemark();
     takeWhatWasLeft();

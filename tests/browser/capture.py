@@ -17,7 +17,6 @@ import numpy as np
 
 from app.config import ViewerConfig
 from app.main import Viewer
-from app.session.rehearsal import rehearse
 from etnet.export.video import video_writer
 from tests.browser.chromium import chromium, executable
 
@@ -130,7 +129,7 @@ def film_demo(browser, folder: Path) -> None:
     """The demo as a visitor meets it who comes cold, from the first byte on; nobody touches it."""
     viewer = Viewer(ViewerConfig(demo=True, port=0))
     try:
-        rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda done, total: None)
+        viewer.rehearse()
         for width, height in SIZES:
             phone = {"is_mobile": True, "has_touch": True} if width < 500 else {}
             context = browser.new_context(viewport={"width": width, "height": height}, **phone)

@@ -82,7 +82,7 @@ def phone(browser, viewer):
 
 
 def test_the_style_sheets_stand_in_the_documents_head(page):
-    sheets = page.locator("link[rel=stylesheet][href^='/static/']").evaluate_all(
+    sheets = page.locator("style[data-sheet]").evaluate_all(
         "all => all.map(sheet => [sheet.parentElement.tagName, sheet.sheet.cssRules.length > 0])"
     )
     assert sheets == [["HEAD", True]] * 4

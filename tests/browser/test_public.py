@@ -1,15 +1,12 @@
 """A booth that cannot be broken: nothing of viser's own is in reach, and what one visitor left is gone for the next."""
 
-import time
 import urllib.request
 
 import pytest
-from playwright.sync_api import TimeoutError as BrowserTimeout
 
 from app.config import ViewerConfig
 from app.main import Viewer
 from app.session import demo as script
-from app.session.rehearsal import rehearse
 from tests.browser.chromium import PATIENCE, box_of
 from tests.browser.conftest import ROI
 
@@ -44,7 +41,7 @@ def serve(**options):
 @pytest.fixture(scope="module")
 def demo(browser):
     viewer = serve()
-    rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda done, total: None)
+    viewer.rehearse()
     yield viewer
     viewer.stop()
 
@@ -56,16 +53,16 @@ def stays(monkeypatch):
     return lambda: monkeypatch.setattr(script, "IDLE", 1.0)
 
 
-def open_demo(browser, viewer, width=1600, height=900):
+def open_demo(browser, viewer, width=1600, height=900, prepare=lambda page: None):
     phone = {"is_mobile": True, "has_touch": True, "device_scale_factor": 2} if width < 500 else {}
     context = browser.new_context(viewport={"width": width, "height": height}, permissions=["camera"], **phone)
     page = context.new_page()
     page.set_default_timeout(PATIENCE)
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
-    page.goto(f"{viewer.url}/?fixedDpr=1")
+    prepare(page)
+    page.goto(f"{viewer.url}/?fixedDpr=1", wait_until="commit")
     page.locator(".etv-image img").wait_for()
-    page.wait_for_function("() => window.etnetHello && window.etnetChannel")  # it hears fingers
     return page
 
 
@@ -73,18 +70,6 @@ def touch(page):
     """A finger on the image: its HTML is replaced with each new frame, so it is aimed at and not waited for."""
     box = box_of(page, page.locator(".etv-image .etv-frame"))
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-
-
-def until_answered(page, act, answer):
-    """Act as a person does whom nobody answered, again and again: a page that has just come may still move."""
-    ends = time.monotonic() + PATIENCE / 1000
-    while True:
-        act()
-        try:
-            return answer.first.wait_for(timeout=10_000)
-        except BrowserTimeout:
-            if time.monotonic() > ends:
-                raise
 
 
 def press(page, name):
@@ -104,7 +89,8 @@ def test_nothing_of_visers_own_is_in_reach(browser, demo, stays, size):
     page.wait_for_timeout(1000)
     assert page.evaluate(REACHED, OURS) == []
     assert page.evaluate(SMALL) == []
-    until_answered(page, lambda: touch(page), page.get_by_test_id("map"))
+    touch(page)
+    page.get_by_test_id("map").wait_for()
     assert page.evaluate(REACHED, OURS) == []
     page.keyboard.press("Control+k")
     page.wait_for_timeout(400)
@@ -119,7 +105,8 @@ def test_nothing_of_visers_own_is_in_reach(browser, demo, stays, size):
 def test_when_a_visitor_has_gone_the_page_is_loaded_anew_and_nothing_of_theirs_is_left(browser, demo, stays, size):
     page = open_demo(browser, demo, *size)
     page.get_by_test_id("invitation").wait_for()
-    until_answered(page, lambda: touch(page), page.get_by_test_id("yours"))
+    touch(page)
+    page.get_by_test_id("yours").wait_for()
     page.evaluate("() => { window.left = 'by a visitor'; localStorage.setItem('left', 'x'); }")
     page.keyboard.type("?")
     page.get_by_text("Show me around").wait_for()
@@ -144,6 +131,59 @@ def test_a_visitor_who_comes_cold_sees_motion_at_once(browser, demo, stays):
     context.close()
 
 
+def test_events_move_before_visers_client_has_started(browser, demo, stays):
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    context.add_init_script("Object.defineProperty(document, 'readyState', { get: () => 'loading' })")
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE)
+    # viser's client begins when the page has been read; here it never learns of it.
+    context.add_init_script("addEventListener('DOMContentLoaded', (e) => e.stopImmediatePropagation(), true)")
+    page.goto(f"{demo.url}/?fixedDpr=1", wait_until="commit")
+    strip = page.get_by_test_id("first").get_by_alt_text("Events")
+    strip.wait_for()
+    assert page.evaluate("() => window.__viserMutable") is None
+    assert "Each dot" in page.get_by_test_id("first").inner_text()
+    seen = {strip.evaluate("(image) => getComputedStyle(image).transform")}
+    page.wait_for_function(
+        "(seen) => getComputedStyle(document.querySelector('.etv-opening img')).transform !== seen", arg=seen.pop()
+    )
+    box, frame = strip.bounding_box(), page.locator(".etv-opening span").bounding_box()
+    assert box["height"] == pytest.approx(16 * frame["height"], rel=0.01)
+    assert page.get_by_test_id("first").evaluate("(first) => first.scrollWidth <= innerWidth")
+    context.close()
+
+
+def slowly(page):
+    """Whatever script the page asks for comes late."""
+
+    def late(route):
+        page.wait_for_timeout(4000)
+        route.continue_()
+
+    page.route("**/static/*.js", late)
+
+
+@pytest.mark.parametrize("act", ["finger", "key"])
+def test_a_touch_on_the_first_picture_is_answered_whatever_script_comes_late(browser, demo, stays, act):
+    page = open_demo(browser, demo, 1280, 720, slowly)
+    touch(page) if act == "finger" else page.keyboard.press("ArrowRight")
+    page.get_by_test_id("yours").wait_for()  # the show itself never says so
+    page.locator(".etv-image .et-cross").first.wait_for()
+    close(page)
+
+
+def test_a_touch_before_the_page_has_started_takes_the_show_over(browser, demo, stays):
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE)
+    page.errors = []
+    page.goto(f"{demo.url}/?fixedDpr=1", wait_until="commit")
+    page.wait_for_function("() => window.etnetSay")
+    page.mouse.click(300, 300)
+    page.get_by_test_id("yours").wait_for()
+    close(page)
+
+
 def test_a_lost_connection_is_waited_for_with_a_sentence(browser, stays):
     viewer = serve()
     port = viewer.port
@@ -161,7 +201,8 @@ def test_a_lost_connection_is_waited_for_with_a_sentence(browser, stays):
 
 def test_a_visitor_sees_their_own_camera_as_a_sensor_does(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
-    until_answered(page, lambda: press(page, "Your own face"), page.get_by_text("Nothing is stored"))
+    press(page, "Your own face")
+    page.get_by_text("Nothing is stored").wait_for()
     press(page, "Use my camera")
     page.get_by_test_id("mirror").wait_for()
     page.get_by_test_id("delay").wait_for()
@@ -199,7 +240,9 @@ def test_three_seconds_are_taken_home_as_a_page(browser, demo, stays):
 def test_arrow_keys_move_the_spot_that_the_network_is_asked_about(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
     ring = page.locator(".etv-image .et-cross")
-    until_answered(page, lambda: page.keyboard.press("ArrowRight"), ring)
+    page.keyboard.press("ArrowRight")
+    page.get_by_test_id("yours").wait_for()
+    ring.first.wait_for()
     at = ring.get_attribute("style")
     page.keyboard.press("ArrowLeft")
     where = "document.querySelector('.etv-image .et-cross').getAttribute('style')"
@@ -213,13 +256,51 @@ def test_arrow_keys_move_the_spot_that_the_network_is_asked_about(browser, demo,
     close(page)
 
 
+GAMEPAD = """() => {
+  const buttons = Array.from({ length: 16 }, () => ({ pressed: false }));
+  window.pad = { axes: [0, 0, 0, 0], buttons };
+  Object.defineProperty(navigator, 'getGamepads', { value: () => [null, window.pad] });
+}"""
+SPOT = """() => {
+  const ring = document.querySelector('.etv-image .et-cross');
+  return ring && document.querySelector('[data-testid=yours]')
+    ? ['--u', '--v'].map((name) => Number(ring.style.getPropertyValue(name))) : null;
+}"""
+
+
+def test_a_gamepad_moves_the_spot_plays_and_goes_back_to_the_events(browser, demo, stays):
+    page = open_demo(browser, demo, 1280, 720, lambda page: page.add_init_script(f"({GAMEPAD})()"))
+    moved = f"([axis, way, from]) => {{ const at = ({SPOT})(); return at && way * (at[axis] - from) > 0.01; }}"
+    page.evaluate("() => { window.pad.axes[0] = 0.9; }")
+    page.wait_for_function(SPOT)
+    page.evaluate("() => { window.pad.axes[0] = 0; }")
+    page.get_by_test_id("map").wait_for()
+    for axis, way, push, rest in (
+        (0, -1, "window.pad.axes[0] = -0.9", "window.pad.axes[0] = 0"),
+        (1, 1, "window.pad.buttons[13].pressed = true", "window.pad.buttons[13].pressed = false"),
+    ):
+        at = page.evaluate(SPOT)
+        page.evaluate(f"() => {{ {push}; }}")
+        page.wait_for_function(moved, arg=[axis, way, at[axis]])
+        page.evaluate(f"() => {{ {rest}; }}")
+    for number, answer in ((0, page.get_by_role("button", name="Pause")), (1, page.locator("[data-large=cloud]"))):
+        page.evaluate("(number) => { window.pad.buttons[number].pressed = true; }", number)
+        answer.first.wait_for()
+        page.evaluate("(number) => { window.pad.buttons[number].pressed = false; }", number)
+    close(page)
+
+
 def test_a_group_guesses_before_it_sees_the_image(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
+    stood = page.evaluate("() => window.__viserMutable.cameraControl.azimuthAngle")
+    turned = "(stood) => Math.abs(window.__viserMutable.cameraControl.azimuthAngle - stood)"
     press(page, "Guess first")
     page.locator(".etv-veiled").first.wait_for()
+    page.wait_for_function(f"(stood) => ({turned})(stood) > 0.3", arg=stood)
     assert page.evaluate("() => getComputedStyle(document.querySelector('.etv-veiled .et-picture')).opacity") == "0"
     press(page, "Show the image")
     page.locator(".etv-unveiled").first.wait_for()
+    page.wait_for_function(f"(stood) => ({turned})(stood) < 0.01", arg=stood)
     close(page)
 
 

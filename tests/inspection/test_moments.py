@@ -8,6 +8,7 @@ from etnet.errors import Cancelled, ModelError
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import Recording, recording_of_events
 from etnet.inspection.follow import follow, pixels_of
+from etnet.inspection.mass import Region
 from etnet.inspection.pins import FLOOR, difference, pin
 from etnet.inspection.through_time import Track, attention_through_time
 from etnet.nets.attention import AttentionProbe
@@ -18,6 +19,18 @@ from etnet.windows import ByDuration, plan_windows
 from tests.inspection.small import small_playback
 
 PIXEL, SITE = (20, 9), "scale1.decoder.0.cross"
+
+
+def test_local_mass_goes_with_the_path_and_is_that_of_the_region_around_each_place():
+    playback, near = small_playback(), 5
+    path = {2: (6, 4), 3: (20, 9), 4: (33, 18)}
+    went = Track.of(attention_through_time(playback, path, sorted(path), frozenset({SITE}), near=near))
+    for place, (index, pixel) in enumerate(path.items()):
+        square = Region(pixel[0] - near, pixel[1] - near, pixel[0] + near + 1, pixel[1] + near + 1)
+        alone = next(attention_through_time(playback, pixel, [index], frozenset({SITE}), square))
+        assert torch.equal(went.mass[place], alone.mass)
+    with pytest.raises(ValueError, match="or a region"):
+        next(attention_through_time(playback, PIXEL, [2], region=Region(0, 0, 4, 4), near=near))
 
 
 def test_a_pin_keeps_its_moment_whatever_is_looked_at_afterwards():

@@ -111,6 +111,11 @@ def gathered(rows: Float[np.ndarray, "heads tokens"], head: int | None, gather: 
     return rows.mean(0) if gather == "mean" else rows.max(0) if gather == "max" else rows.min(0)
 
 
+def site_in(attention: Attention, site: str) -> str:
+    """`site`, or the first of this network's where it has none such."""
+    return site if site in attention.sites else attention.sites[0]
+
+
 def head_words(head: int | None, gather: Gather, num_heads: int | None = None) -> str:
     """ "head 3", counted from 0 as the library does, or "mean of 4 heads"."""
     if head is not None and (num_heads is None or head < num_heads):

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
-from app.html.attention.maps import over_frame, row_of
+from app.html.attention.maps import over_frame, row_of, site_in
 from app.html.elements import empty, picture
 from app.html.moment import PICTURES
 from app.html.pictures import reconstruction_image
@@ -43,8 +43,9 @@ def map_html(page: Page) -> str:
     site = page.state.of(AttentionState).site
     if ready is None:
         return empty("One moment", "It comes with the first image.")
-    if attention is None or site not in attention.sites:
+    if attention is None or not attention.sites:
         return _waiting(ready, look)
+    site = site_in(attention, site)
 
     def make() -> str:
         row = row_of(ready, attention, site, look)

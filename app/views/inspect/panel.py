@@ -248,7 +248,7 @@ def _paths(page: Page) -> str:
         if found is None or found.value is None or parts is None or parts.value is None:
             return body
         job: Any = found.job
-        return body + followed_html(found.value, job, parts.value.anatomy.sites)
+        return body + followed_html(found.value, job, parts.value.anatomy)
     found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100, fusion=inside.fusion)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:

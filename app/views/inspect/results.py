@@ -82,6 +82,17 @@ class SpreadFound:
     pearson: float | None = None
     """With the error against the camera; `None` where it saw nothing at that moment, or while draws are made."""
     spearman: float | None = None
+    own: OwnSpread | None = None
+    """What the network itself says of this; `None` for one that says nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnSpread:
+    """The network's own standard deviation of each pixel, and whether it tells the error."""
+
+    deviation: Picture
+    pearson: float | None
+    spearman: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

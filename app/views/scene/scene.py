@@ -11,7 +11,7 @@ import viser
 from jaxtyping import UInt8
 
 from app.html.attention.links import links_of
-from app.html.attention.maps import attention_image
+from app.html.attention.maps import attention_image, site_in
 from app.html.cloud import EventCloud, event_cloud
 from app.html.moment import Moment
 from app.html.pictures import event_picture, reconstruction_image
@@ -89,7 +89,9 @@ def sites_behind(page: Page) -> tuple[str, ...]:
         return ()
     if not state.of(AttentionState).shows_planes or state.of(SceneState).camera == "front":
         return ()
-    layer = state.of(AttentionState).site.partition(".")[2]
+    if not ready.attention.sites:
+        return ()
+    layer = site_in(ready.attention, state.of(AttentionState).site).partition(".")[2]
     return tuple(sorted(name for name in ready.attention.sites if name.partition(".")[2] == layer))
 
 
@@ -117,6 +119,7 @@ def picture_of(page: Page, is_phone: bool) -> tuple[object, UInt8[np.ndarray, "h
     lags, look, tones = page.lags, look_of(page), tones_of(page)
     if (shows_act or state.workspace == "attention") and look is not None and ready.attention is not None:
         site = state.of(AttentionState).site
+        site = site_in(ready.attention, site) if ready.attention.sites else site
         image = attention_image(ready, look, site)
         if image is not None:
             return ("attention", ready.key, look, site, lags), _dimmed(image, lags)

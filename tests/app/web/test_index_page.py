@@ -11,6 +11,7 @@ from websockets.http11 import Response
 from app.web.index_page import IndexPage, head_html
 from tests.app.stand_ins import served
 
+PACKED = b'<script data-p="</head><body>">run()</script>'
 INDEX = (
     b'<!doctype html><html><head><meta name="viewport" content="x"/><link\n rel="icon" href="x"/><title>Viser</title>'
     b"</head><body>\x00</body>"
@@ -30,8 +31,22 @@ def test_title_and_icon_are_ours_and_the_rest_of_the_page_is_as_it_was(packing):
     assert b"ET-Net viewer" in body
     assert body.count(b'name="viewport"') == 1
     assert b"minimum-scale=1" in body
-    assert body.endswith(b"</head><body>\x00</body>")
+    assert b"</head><body><script>" in body
+    assert body.endswith(b"\x00</body>")
     assert dressed.headers["Content-Length"] == str(len(dressed.body))
+
+
+def test_ours_runs_before_visers_client_and_what_is_shown_at_once_stands_before_it():
+    page = IndexPage()
+    before = page.dressed(answer(INDEX.replace(b"</head>", PACKED + b"</head>"))).body
+    page.begin_with('<div class="etv-opening">')
+    body = page.dressed(answer(INDEX.replace(b"</head>", PACKED + b"</head>"))).body
+    for made in (before, body):
+        assert made.count(PACKED) == 1
+        assert made.index(b"window.etnetSay = ") < made.index(b"\x00") < made.index(PACKED)
+        assert made.endswith(b"</body>")
+    assert b'<div class="etv-opening">' not in before
+    assert body.index(b'<div class="etv-opening">') < body.index(PACKED)
 
 
 def test_what_is_no_page_goes_out_as_it_is():

@@ -44,7 +44,7 @@ def atlas_html(page: Page) -> tuple[str, str, str]:
     if shown is None:
         return "", tools, panel("attention", missing(page, is_brief=True))
     effects = effects_of(shown)
-    note = "bars: effect of each head on this pixel when masked"
+    note = _bars_note(effects)
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
     if slice_.shows_dots:
         note, body = "size: effect on this pixel when masked; ring: on the image", dots_html(shown, effects)
@@ -52,7 +52,19 @@ def atlas_html(page: Page) -> tuple[str, str, str]:
         note, body = "effect on this pixel when masked", _heads_grid(shown, effects, only)
     else:
         body = _grid(shown, effects)
-    return note + _progress(shown), tools, panel("attention", body, _alike(shown), style=style)
+    return _progress(shown) + note, tools, panel("attention", body, _alike(shown), style=style)
+
+
+def _bars_note(effects: dict[str, np.ndarray]) -> str:
+    """What the bars say, and how much the tallest is; whole under the pointer, because the header is narrow."""
+    most = _largest(effects)
+    tallest = f", tallest {most:.4f}" if most > 0 else ""
+    whole = f"bars: effect of each head on this pixel when masked{tallest}"
+    return f'<span title="{whole}">bars: effect when masked{tallest}</span>'
+
+
+def _largest(effects: dict[str, np.ndarray]) -> float:
+    return max((float(np.nanmax(np.abs(row))) for row in effects.values() if not np.isnan(row).all()), default=0.0)
 
 
 def _tools(slice_: AttentionState) -> str:
@@ -110,9 +122,9 @@ def _progress(shown: Shown) -> str:
     atlas = shown.result("atlas")
     if atlas is None:
         found = shown.page.results.get("attention.atlas")
-        return f" · {escape(found.trouble)}" if found is not None and found.trouble else " · waiting"
+        return f"{escape(found.trouble)} · " if found is not None and found.trouble else "waiting · "
     done, wanted = atlas.progress
-    return "" if atlas.is_whole else f' · <span data-testid="atlas-progress">{done} of {wanted}</span>'
+    return "" if atlas.is_whole else f'<span data-testid="atlas-progress">{done} of {wanted}</span> · '
 
 
 def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
@@ -120,7 +132,7 @@ def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
     sites = {name: Site.of(name) for name in shown.attention.sites}
     layers = list(dict.fromkeys(site.row for site in sites.values()))
     scales = sorted({site.scale for site in sites.values()}, reverse=True)
-    largest = max((float(np.nanmax(np.abs(row))) for row in effects.values() if not np.isnan(row).all()), default=0.0)
+    largest = _largest(effects)
     style = f"--columns:{len(layers)};--rows:{len(scales)}"
     if shown.look.order != "network":
         cells = [_cell(shown, name, effects, largest, _place(name)) for name in _sorted(shown, effects)]

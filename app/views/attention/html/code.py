@@ -113,7 +113,6 @@ def _heads(shown: Shown) -> Asked:
 def _time(shown: Shown) -> Asked:
     from app.views.attention.jobs.time import NEAR
     from etnet.inspection.asked import Asked
-    from etnet.inspection.mass import Region
 
     slice_, result = shown.slice_, shown.page.results.get("attention.curve")
     index = shown.ready.request.index
@@ -125,8 +124,8 @@ def _time(shown: Shown) -> Asked:
             "masked", shown.site, pixel=(x, y), head=shown.look.head, windows=(indices[0], indices[-1]), until=until
         )
     quantity = "entropy" if slice_.curve == "entropy" else "mass"
-    near = Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1) if quantity == "mass" else None
+    near = NEAR if quantity == "mass" else None
     return Asked(
-        "track", shown.site, pixel=shown.look.query, windows=(indices[0], indices[-1]), quantity=quantity, region=near,
+        "track", shown.site, pixel=shown.look.query, windows=(indices[0], indices[-1]), quantity=quantity, near=near,
         until=until,
     )  # fmt: skip

@@ -107,18 +107,18 @@ def _drawn(shown: Shown, curve: Curve) -> str:
         f'<polyline points="{path(values)}" class="{"et-loud" if is_chosen else ""}"></polyline>'
         for values, is_chosen in lines
     )
-    now = ""
+    now, unit = "", " bits" if shown.slice_.curve == "entropy" else ""
     if index in curve.indices:
         at = 100 * (times[curve.indices.index(index)] - first) / (last - first)
         now = f'<i class="et-head-line" style="left:{at:.2f}%"></i>'
         here = float(chosen[curve.indices.index(index)])
-        now += f'<span class="et-chart-high" data-testid="curve-now">now {here:.4g}</span>'
+        now += f'<span class="et-chart-high" data-testid="curve-now">now {here:.4g}{unit}</span>'
     return (
         f'<div class="et-chart et-pick et-over-time" data-k="span:{first:.6f},{last:.6f}" {ON_PICK}'
         f' title="Click to go there"><svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none">{drawn}</svg>'
         f'{now}<span class="et-chart-low">{escape(seconds(first))}</span>'
         f'<span class="et-chart-low et-chart-end">{escape(seconds(last))}</span>'
-        f'<span class="et-chart-high et-chart-end">{high:.3g}</span></div>'
+        f'<span class="et-chart-high et-chart-end">{high:.3g}{unit}</span></div>'
     )
 
 

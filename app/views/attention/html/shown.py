@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
-from app.html.attention.maps import gathered, rows_of
+from app.html.attention.maps import gathered, rows_of, site_in
 from app.html.controls import under_way
 from app.html.elements import empty
 from app.html.moment import ARRAYS
@@ -38,7 +38,7 @@ class Shown:
     @property
     def site(self) -> str:
         """The chosen site, or, where this network has no such one, its first."""
-        return self.slice_.site if self.slice_.site in self.attention.sites else self.attention.sites[0]
+        return site_in(self.attention, self.slice_.site)
 
     @property
     def grid(self) -> TokenGrid:
@@ -77,14 +77,14 @@ class Shown:
 
     def rows(self) -> Float[np.ndarray, "heads tokens"]:
         """The chosen site's map of each head: weights, or what is handed over by them as shares of it."""
-        if self.slice_.weight == "value" and (facts := self.result("site", site=self.site)) is not None:
+        if self.slice_.weight == "value" and (facts := self.result("site", site=self.slice_.site)) is not None:
             return self._handed(facts)[0]
         return rows_of(self.ready, self.attention, self.site, self.look.query, self.look.direction)
 
     def row(self) -> Float[np.ndarray, " tokens"]:
         """The chosen map. What all heads together hand over is the norm of their sum: they may cancel."""
         if self.slice_.weight == "value" and self.slice_.head is None:
-            facts = self.result("site", site=self.site)
+            facts = self.result("site", site=self.slice_.site)
             if facts is not None and self.slice_.gather == "mean":
                 return self._handed(facts)[1]
         return gathered(self.rows(), self.look.head, self.look.gather)
@@ -138,4 +138,7 @@ def shown_of(page: Page) -> Shown | None:
         return None
     if lacks_attention(page):
         return None
-    return Shown(page, page.state.of(AttentionState), look, ready, ready.attention)
+    shown = Shown(page, page.state.of(AttentionState), look, ready, ready.attention)
+    if look.head is None or look.head < shown.num_heads:
+        return shown
+    return replace(shown, look=replace(look, head=None))  # this network has fewer

@@ -88,7 +88,18 @@ def _line(shown: Shown) -> str:
     """Direction and scales in words, the library's name of the site, and the token."""
     words = library_words(shown)
     name = f'<code title="as the library calls it; the token">{escape(shown.site)} · {shown.token}</code>'
-    return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{name}</div>'
+    return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{name}</div>{_instead(shown)}'
+
+
+def _instead(shown: Shown) -> str:
+    """That the network has not what was chosen, where another one had it."""
+    asked, said = shown.slice_, []
+    if asked.site != shown.site:
+        said.append(f"no site {asked.site}: this is its first")
+    if asked.head is not None and shown.look.head is None:
+        said.append(f"no head {asked.head}: these are all of them")
+    model = shown.page.model.title
+    return f'<div class="et-note" data-testid="instead">{escape(model)} has {"; ".join(said)}.</div>' if said else ""
 
 
 def library_words(shown: Shown) -> str:

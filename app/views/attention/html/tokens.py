@@ -16,13 +16,19 @@ from app.views.attention.html.shown import Shown, missing, shown_of
 from app.views.attention.jobs.site import Tokens, site_of_word
 from app.views.attention.state import AttentionState, FeatureWord, other_moment
 from app.views.page import Page
-from etnet.render.colours import sequential
+from etnet.render.colours import css_gradient, sequential
 
 FEATURES: dict[FeatureWord, str] = {
     "tokens": "tokens after this layer", "query": "queries of this site", "key": "keys of this site",
     "value": "values of this site", "context": "aggregated context", "hidden 1": "ConvLSTM hidden, 1/2",
     "hidden 2": "ConvLSTM hidden, 1/4", "hidden 3": "ConvLSTM hidden, 1/8",
 }  # fmt: skip
+
+SHORT: dict[FeatureWord, str] = {
+    "tokens": "after layer", "query": "queries", "key": "keys", "value": "values", "context": "context",
+    "hidden 1": "hidden, 1/2", "hidden 2": "hidden, 1/4", "hidden 3": "hidden, 1/8",
+}  # fmt: skip
+"""The same in the header of a small card."""
 
 
 def tokens_html(page: Page) -> tuple[str, str, str, str]:
@@ -39,8 +45,9 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
         rest = waits(page.results.get("attention.tokens"), "one pass of the network")
         return title, "", tools, panel("tokens", rest)
     if slice_.tokens == "similarity":
-        note = f"cosine to this token: {FEATURES[slice_.feature]}"
-        return title, escape(note), tools, panel("tokens", _similar(shown, found))
+        whole = f"cosine to this token: {FEATURES[slice_.feature]}"
+        note = f'<span title="{escape(whole)}">{escape(SHORT[slice_.feature])}</span>'
+        return title, note, tools, panel("tokens", _similar(shown, found))
     basis = shown.feature("basis")
     if basis is None:
         rest = waits(page.results.get("attention.basis"), "fitting colours to the recording, once")
@@ -51,10 +58,10 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
 
 def _similar(shown: Shown, found: Tokens) -> str:
     here = _picture(found, found.similarity(shown.look.query), shown.look.query)
-    readout = '<span class="et-chip" data-etv-readout>cosine −1 … 1</span>'
+    readout = '<span class="et-chip" data-etv-readout>cosine</span>'
     elsewhere = other_moment(shown.page.state, shown.ready.request)
     if elsewhere is None:
-        return _staged(here, f"<span></span>{readout}")
+        return _staged(here, f"{_scale()}{readout}")
     result = shown.page.results.get("attention.tokens_also")
     asked = (site_of_word(shown.slice_.feature, shown.slice_.site), shown.slice_.feature)
     job: Any = None if result is None else result.job
@@ -75,6 +82,10 @@ def _similar(shown: Shown, found: Tokens) -> str:
     readout = '<span class="et-chip" data-etv-readout></span>'
     other = _picture(there, values, None)
     return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))
+
+
+def _scale() -> str:
+    return f'<span class="et-scale">−1<i style="background:{css_gradient(sequential())}"></i>1</span>'
 
 
 def _pair(left: str, right: str) -> str:

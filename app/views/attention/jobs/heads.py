@@ -88,19 +88,19 @@ class MattersJob:
         from etnet.inspection.anatomy import require
         from etnet.inspection.importance import effects
 
-        require(loaded.playback.model, "attention")
-        parts = self._parts()
+        anatomy = require(loaded.playback.model, "attention")
+        parts = self._parts(None if self.site is None else anatomy.site(self.site))
         found: dict[str, np.ndarray] = {}
         for effect in effects(loaded.playback, self.request.index, parts, cancelled):
             found[effect.ablation.name] = effect.difference.float().cpu().numpy()
             yield PartEffects(dict(found)), len(found) / len(parts)
 
-    def _parts(self) -> list[Ablation]:
+    def _parts(self, site: str | None) -> list[Ablation]:
         from etnet.inspection.importance import Ablation
         from etnet.nets.intervention import Intervention
 
-        if self.site is not None:
-            return [Ablation("site", Intervention(removed_sites=frozenset({self.site})))]
+        if site is not None:
+            return [Ablation("site", Intervention(removed_sites=frozenset({site})))]
         return [
             Ablation("uniform", Intervention(uniform_attention=True)),
             Ablation("TPA", Intervention(without_context=True)),

@@ -38,6 +38,7 @@ class SiteJob:
 
     request: FrameRequest
     site: str
+    """As it is chosen on the page; a network that has none such answers for its first."""
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[SiteFacts, float]]:
         """One decode that is observed, and one pass over the site's map."""
@@ -47,12 +48,12 @@ class SiteJob:
         from etnet.nets.attention import AttentionProbe
 
         playback, intervention = loaded.playing(self.request)
-        require(playback.model, "attention")
-        probe = AttentionProbe(frozenset({self.site}), values=True)
+        site = require(playback.model, "attention").site(self.site)
+        probe = AttentionProbe(frozenset({site}), values=True)
         attention = playback.at(self.request.index, probe, intervention, cancelled).attention
-        if attention is None or self.site not in attention.sites:
-            raise ModelError(f"{playback.model.name} has no attention site {self.site}; choose one of its maps")
-        sinks = received(attention, self.site).sinks().cpu().numpy()
+        if attention is None or site not in attention.sites:
+            raise ModelError(f"{playback.model.name} has no attention site {site}; choose one of its maps")
+        sinks = received(attention, site).sinks().cpu().numpy()
         yield SiteFacts(attention, sinks, attention.nbytes), 1.0
 
 
@@ -91,6 +92,13 @@ def feature_of_word(word: FeatureWord, site: str) -> Feature:
     return Feature("hidden", level=int(word.removeprefix("hidden ")))
 
 
+def feature_in(loaded: LoadedPlayback, word: FeatureWord, site: str) -> Feature:
+    """The same, of a network that may have no such site."""
+    from etnet.inspection.anatomy import anatomy_of
+
+    return feature_of_word(word, anatomy_of(loaded.playback.model).site(site))
+
+
 def site_of_word(word: FeatureWord, site: str) -> str:
     """The site, or nothing where the feature is of none: equal questions are then asked once."""
     return site if word in ("tokens", "query", "key", "value") else ""
@@ -110,7 +118,7 @@ class TokensJob:
         from etnet.inspection.pyramid import hold
 
         playback, intervention = loaded.playing(self.request)
-        feature, index = feature_of_word(self.word, self.site), self.request.index
+        feature, index = feature_in(loaded, self.word, self.site), self.request.index
         require_feature(playback.model, feature)
         change = intervention if playback is loaded.playback else playback.intervention_at(index)
         found = feature_of(hold(playback, index, cancelled), feature, change)
@@ -131,7 +139,7 @@ class BasisJob:
 
         wanted = len(sampled_windows(len(loaded.playback), NUM_FITTED))
         maps = []
-        feature = feature_of_word(self.word, self.site)
+        feature = feature_in(loaded, self.word, self.site)
         for map_ in sampled_maps(loaded.playback, feature, NUM_FITTED, cancelled=cancelled):
             maps.append(map_)
             if len(maps) < wanted:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from app.views.attention.state import PinnedMap, Quantity
 from etnet.nets.intervention import ORIGINAL, Intervention
 
 if TYPE_CHECKING:
+    from etnet.inspection.anatomy import Anatomy
     from etnet.inspection.pins import Pin
 
 BLOCK = 12
@@ -62,13 +63,13 @@ class CurveJob:
         from etnet.inspection.anatomy import require
 
         playback = loaded.playback
-        require(playback.model, "attention")
+        asked = self._of(require(playback.model, "attention"))
         first, length = stretch_of(self.request.index) if self.follows else (self.request.index, LENGTH)
         indices = range(first, min(first + length, len(playback)))
         places = self._places(loaded, indices, cancelled)
         found: list[tuple[int, np.ndarray]] = []
         for index in (index for index in indices if index in places):
-            found.append((index, self._values(loaded, index, places[index], cancelled)))
+            found.append((index, asked._values(loaded, index, places[index], cancelled)))
             done = tuple(each for each, _ in found)
             yield (
                 Curve(
@@ -80,6 +81,10 @@ class CurveJob:
                 ),
                 len(found) / len(places),
             )
+
+    def _of(self, anatomy: Anatomy) -> CurveJob:
+        """The same of a network that may lack the site, or have fewer heads."""
+        return replace(self, site=anatomy.site(self.site), head=anatomy.head(self.head))
 
     def _places(
         self, loaded: LoadedPlayback, indices: range, cancelled: Callable[[], bool]
@@ -103,12 +108,10 @@ class CurveJob:
             frames = [playback.at(index, intervention=each, cancelled=cancelled).frame for each in (ORIGINAL, self.cut)]
             original, without = (float(frame[0, 0, pixel[1], pixel[0]]) for frame in frames)
             return np.array([without - original], np.float32)
-        from etnet.inspection.mass import Region
         from etnet.inspection.through_time import attention_through_time
 
-        x, y = pixel
-        near = Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1)
-        moment = next(attention_through_time(playback, pixel, [index], frozenset({self.site}), near, cancelled))
+        sites = frozenset({self.site})
+        moment = next(attention_through_time(playback, pixel, [index], sites, cancelled=cancelled, near=NEAR))
         return getattr(moment, self.quantity)[0].float().cpu().numpy()
 
     @property
@@ -132,10 +135,13 @@ class PinJob:
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Pin, float]]:
         """One decode that is observed."""
+        from etnet.inspection.anatomy import require
         from etnet.inspection.pins import pin
 
         held = self.pinned
         playback, intervention = loaded.playing(held.request)
-        head = held.gather if held.head is None else held.head
+        anatomy = require(playback.model, "attention")
+        site, chosen = anatomy.site(held.site), anatomy.head(held.head)
+        head = held.gather if chosen is None else chosen
         index = held.request.index
-        yield pin(playback, index, held.query, held.site, head, held.direction, intervention, cancelled), 1.0
+        yield pin(playback, index, held.query, site, head, held.direction, intervention, cancelled), 1.0

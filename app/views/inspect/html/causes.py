@@ -230,25 +230,51 @@ def spread_html(found: SpreadFound | None, key: object, query: tuple[int, int] |
     head = f'<div class="et-note">{lead}</div>'
     if found is None or found.num_done < 2:
         return panel("spread", head)
-    height, width = found.deviation.shape
-    limit = max(float(np.percentile(found.deviation, 99.5)), 1e-4)
+    image = _deviation(found.deviation, ("spread", key, found.num_done), "standard deviation", query)
+    told = _told(found.pearson, found.spearman) if found.num_done == found.num_seeds else ""
+    draws = f"{found.num_done} draws, from window {count(found.since)} on."
+    said = f"{_here(found.deviation, query)}{draws} {told}"
+    parts = [head, image, f'<div class="et-say" data-testid="spread-said">{escape(said)}</div>']
+    if found.own is not None:
+        parts += _own(found, key, query)
+    return panel("spread", *parts)
+
+
+def _own(found: SpreadFound, key: object, query: tuple[int, int] | None) -> tuple[str, ...]:
+    """What the network itself says of each pixel's uncertainty."""
+    own = found.own
+    assert own is not None
+    told = _told(own.pearson, own.spearman) if found.num_done == found.num_seeds else ""
+    lead = "This network estimates a variance with each frame; shown is its square root."
+    return (
+        f'<h4>The network’s own estimate</h4><div class="et-note">{lead}</div>',
+        _deviation(own.deviation, ("own spread", key), "standard deviation, the network’s own", query),
+        f'<div class="et-say" data-testid="own-said">{escape(_here(own.deviation, query) + told)}</div>',
+    )
+
+
+def _deviation(values: np.ndarray, key: object, name: str, query: tuple[int, int] | None) -> str:
+    """A picture from 0 to the 99.5th percentile, and its legend."""
+    height, width = values.shape
+    limit = max(float(np.percentile(values, 99.5)), 1e-4)
 
     def make() -> str:
-        level = np.rint((found.deviation / limit).clip(0, 1) * 255).astype(np.uint8)
+        level = np.rint((values / limit).clip(0, 1) * 255).astype(np.uint8)
         return data_url(sequential()[level], is_lossless=True)
 
     marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
-    url = PICTURES.text(("spread", key, found.num_done), make)
-    image = picture(url, "standard deviation", key="pixel", size=(width, height), marks=marks)
-    scale = legend("standard deviation", css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {short(limit)}")])
-    here = "" if query is None else f"This pixel: {found.deviation[query[1], query[0]]:.4f}. "
-    told = "No camera frame at this moment, so its error is not known."
-    if found.pearson is not None and found.spearman is not None:
-        told = f"Correlation with the error: Pearson {found.pearson:.2f}, Spearman {found.spearman:.2f}."
-    if found.num_done < found.num_seeds:
-        told = ""
-    said = f"{here}{found.num_done} draws, from window {count(found.since)} on. {told}"
-    return panel("spread", head, image, scale, f'<div class="et-say" data-testid="spread-said">{escape(said)}</div>')
+    image = picture(PICTURES.text(key, make), name, key="pixel", size=(width, height), marks=marks)
+    return image + legend(name, css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {short(limit)}")])
+
+
+def _here(values: np.ndarray, query: tuple[int, int] | None) -> str:
+    return "" if query is None else f"This pixel: {values[query[1], query[0]]:.4f}. "
+
+
+def _told(pearson: float | None, spearman: float | None) -> str:
+    if pearson is None or spearman is None:
+        return "No camera frame at this moment, so its error is not known."
+    return f"Correlation with the error: Pearson {pearson:.2f}, Spearman {spearman:.2f}."
 
 
 def pixel_first(opened: str) -> str:

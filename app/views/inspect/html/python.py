@@ -91,12 +91,15 @@ def _of_attention(page: Page, job, value) -> Asked:
         sensor = page.moment.recording.sensor
         token = TokenGrid(sensor.height, sensor.width).token_at(*page.state.query)
         return Asked("rollout", token=token, discard=job.discard, head=None if job.fusion == "mean" else job.fusion)
-    head = page.state.of(AttentionState).head
+    site, head = job.site, page.state.of(AttentionState).head
+    parts = page.results.get("inspect.network")
+    if parts is not None and parts.value is not None:
+        site, head = parts.value.anatomy.site(site), parts.value.anatomy.head(head)
     stretch = (value.indices[0], value.indices[-1])
     return Asked(
         "track",
         pixel=page.state.query,
-        site=job.site,
+        site=site,
         windows=stretch,
         quantity="entropy",
         head="mean" if head is None else head,

@@ -21,6 +21,7 @@ from etnet.render.encode import data_url
 
 if TYPE_CHECKING:
     from app.views.inspect.jobs.pixel import ThroughTimeJob
+    from etnet.inspection.anatomy import Anatomy
 
 DISCARDS = (0, 50, 90)
 """Per cent of the smallest weights that can be left out."""
@@ -79,14 +80,16 @@ def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, sli
     )
 
 
-def followed_html(followed: Followed, job: ThroughTimeJob, sites: tuple[str, ...]) -> str:
+def followed_html(followed: Followed, job: ThroughTimeJob, anatomy: Anatomy) -> str:
     """A kymograph of the pixel's token row, and two curves under it in the same measure of time."""
     num = len(followed.indices)
-    who = "mean map of the heads" if job.head is None else f"head {job.head}"
+    site, head = anatomy.site(job.site), anatomy.head(job.head)
+    who = "mean map of the heads" if head is None else f"head {head}"
     x, y = job.pixel
     span = milliseconds((followed.stamps[-1] - followed.stamps[0]) / 1000) if num > 1 else "one window"
     lead = (
-        f"{site_words(job.site, sites)}, {who}, for {'the patch that is now at' if job.follows else 'pixel'} ({x}, {y})"
+        f"{site_words(site, anatomy.sites)}, {who}, for "
+        f"{'the patch that is now at' if job.follows else 'pixel'} ({x}, {y})"
         f" in the last {num} windows ({span}). Time runs down: the newest line is the current window."
     )
     follows = segmented(

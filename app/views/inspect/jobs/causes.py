@@ -11,9 +11,11 @@ import numpy as np
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.views.inspect.jobs.arrays import array
-from app.views.inspect.results import SpreadFound, TwinFound
+from app.views.inspect.results import OwnSpread, SpreadFound, TwinFound
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from etnet.inspection.causal_search import CausalSearch
     from etnet.inspection.sources import Sources
 
@@ -92,15 +94,21 @@ class SpreadJob:
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[SpreadFound, float]]:
         """One draw more each time; the correlation at last."""
-        from etnet.inspection.uncertainty import camera_error, correlation, dropout_spread
+        from etnet.inspection.uncertainty import camera_error, correlation, dropout_spread, own_deviation
 
         playback, index = loaded.playback, self.request.index
-        found = None
+        found, own = None, own_deviation(playback, index, cancelled)
+        said = None if own is None else OwnSpread(array(own), None, None)
         for found in dropout_spread(playback, index, DROP, SEEDS, BACK, cancelled=cancelled):
             done = len(found.frames)
-            yield SpreadFound(array(found.deviation), done, SEEDS, found.since), done / (SEEDS + 1)
+            made = SpreadFound(array(found.deviation), done, SEEDS, found.since, own=said)
+            yield made, done / (SEEDS + 1)
         assert found is not None
         error = camera_error(playback, index, found.exact)
-        both = None if error is None else correlation(found.deviation, error)
-        pearson, spearman = (None, None) if both is None else (both.pearson, both.spearman)
-        yield SpreadFound(array(found.deviation), SEEDS, SEEDS, found.since, pearson, spearman), 1.0
+
+        def told(map_: Tensor) -> tuple[float | None, float | None]:
+            both = None if error is None else correlation(map_, error)
+            return (None, None) if both is None else (both.pearson, both.spearman)
+
+        said = None if own is None else OwnSpread(array(own), *told(own))
+        yield SpreadFound(array(found.deviation), SEEDS, SEEDS, found.since, *told(found.deviation), said), 1.0

@@ -13,7 +13,6 @@ from app.views.inspect.results import Followed, RolledOut, Traced, TracedWindow
 from app.views.inspect.state import Fusion
 
 if TYPE_CHECKING:
-    from etnet.inspection.mass import Region
     from etnet.nets.attention import Attention
     from etnet.playback.playback import Playback
 
@@ -79,23 +78,24 @@ class ThroughTimeJob:
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Followed, float]]:
         """One window more each time. Nothing of it is lost when others are served between two of them."""
         from etnet.inspection.anatomy import require
-        from etnet.inspection.mass import region_shares
+        from etnet.inspection.mass import Region, region_shares
         from etnet.inspection.through_time import Track, attention_through_time
         from etnet.nets.padding import TokenGrid
 
         playback, last = loaded.playback, self.request.index
-        require(playback.model, "attention")
+        anatomy = require(playback.model, "attention")
+        site, chosen = anatomy.site(self.site), anatomy.head(self.head)
         sensor = playback.recording.sensor
         grid = TokenGrid(sensor.height, sensor.width)
         path = self._path(playback, last, cancelled)
         indices = sorted(path)
-        even = float(region_shares(grid, _near(self.pixel)).mean())
+        even = float(region_shares(grid, Region.around(self.pixel, NEAR)).mean())
         playback.lay_state(indices[0], cancelled)
         moments = []
-        head = "mean" if self.head is None else self.head
+        head = "mean" if chosen is None else chosen
         for index in indices:
-            region = _near(path[index])
-            moments += attention_through_time(playback, path, [index], frozenset({self.site}), region, cancelled, head)
+            sites = frozenset({site})
+            moments += attention_through_time(playback, path, [index], sites, None, cancelled, head, NEAR)
             track = Track.of(moments)
             followed = Followed(
                 tuple(track.index.tolist()),
@@ -116,13 +116,6 @@ class ThroughTimeJob:
         from etnet.inspection.follow import follow, pixels_of
 
         return pixels_of(follow(playback.recording, playback.windows, last, self.pixel, first, cancelled=cancelled))
-
-
-def _near(pixel: tuple[int, int]) -> Region:
-    from etnet.inspection.mass import Region
-
-    x, y = pixel
-    return Region(x - NEAR, y - NEAR, x + NEAR + 1, y + NEAR + 1)
 
 
 def _watched(loaded: LoadedPlayback, request: FrameRequest, cancelled: Callable[[], bool]) -> Attention:

@@ -13,6 +13,7 @@ from app.views.attention.html.shown import shown_of
 from app.views.attention.jobs.attention import attention_jobs
 from app.views.attention.state import AttentionState
 from app.views.page import Page
+from etnet.inspection import follow
 from etnet.nets.intervention import Intervention
 from tests.app.small_loaded import POLICY, QUERY, SITE, opened_in, request_of, whole
 from tests.app.views.attention.small_page import INDEX, STATE, ready_of
@@ -39,6 +40,16 @@ def shown_by(opened, slice_, change=MASK):
     page = Page(state, moment, ready_of(loaded, request), results=results, file_name=file,
                 model=ModelFacts("tiny", source=weights))  # fmt: skip
     return shown_of(page)
+
+
+def moving(recording, windows, index, pixel, until, cancelled=None):
+    """A patch that goes 3 pixels to the right in every window, so that what lies near it is another place each time."""
+    step = 1 if until >= index else -1
+    for there in range(index, until + step, step):
+        x = pixel[0] + 3 * (there - index)
+        if not 0 <= x < recording.sensor.width:
+            return
+        yield follow.Place(there, float(x), float(pixel[1]), (3.0, 0.0), 50, 2.0)
 
 
 def made_by(shown):
@@ -91,6 +102,8 @@ def test_the_lines_of_the_curve_give_the_curve(opened, curve, head, follows):
     assert np.array_equal(made[:, 0], found.values) if curve == "entropy" else np.array_equal(made, found.values[:, 0])
 
 
-def test_the_lines_of_local_mass_give_the_curve(opened):
-    shown = shown_by(opened, AttentionState(site=SITE, lines="time", curve="mass"))
+@pytest.mark.parametrize("follows", [False, True])
+def test_the_lines_of_local_mass_give_the_curve(opened, follows, monkeypatch):
+    monkeypatch.setattr(follow, "follow", moving)
+    shown = shown_by(opened, AttentionState(site=SITE, lines="time", curve="mass", follows=follows))
     assert np.array_equal(made_by(shown)[:, 0], shown.page.results["attention.curve"].value.values)

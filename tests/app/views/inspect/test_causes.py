@@ -14,7 +14,7 @@ from app.html.provenance import ModelFacts
 from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.attention.state import AttentionState
-from app.views.inspect.html.causes import search_html, sources_html
+from app.views.inspect.html.causes import search_html, sources_html, spread_html
 from app.views.inspect.html.on_timeline import change_on_timeline
 from app.views.inspect.html.python import SLOTS, asked_of, snippet
 from app.views.inspect.jobs.causes import BACK, DROP, SEEDS, CauseJob, SourcesJob, SpreadJob, TwinJob
@@ -25,6 +25,7 @@ from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
 from app.views.view import changing_views
 from etnet.events.edit import EventEdit
+from etnet.events.recording import GroundTruth
 from etnet.inspection import causal_search, sources, twin
 from etnet.inspection.follow import follow, pixels_of
 from etnet.inspection.rollout import rollout
@@ -32,6 +33,7 @@ from etnet.inspection.through_time import Track, attention_through_time
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
+from etnet.playback.playback import Playback
 from tests.app.checked_html import Checker
 from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, opened_in, request_of, whole
 from tests.inspection.small import SENSOR
@@ -257,3 +259,35 @@ def test_a_spread_is_the_librarys(loaded):
     *_, expected = dropout_spread(loaded.playback, 3, DROP, SEEDS, BACK)
     assert np.array_equal(found.deviation, expected.deviation.numpy())
     assert (found.num_done, found.pearson) == (SEEDS, None)  # no camera in this recording
+
+
+def test_a_network_that_estimates_its_variance_is_asked_for_it():
+    loaded = loaded_of("pie-net-lite")
+    found = whole(SpreadJob(request_of(3)), loaded)
+    variance = loaded.playback.at(3).variance[0, 0]
+    assert np.allclose(found.own.deviation**2, variance.numpy(), atol=1e-6)
+    assert found.own.deviation.shape == found.deviation.shape
+    text = spread_html(found, "own", QUERY)
+    x, y = QUERY
+    assert "own estimate" in text
+    assert f"This pixel: {found.own.deviation[y, x]:.4f}. No camera frame" in text
+    Checker(text)
+
+
+def test_a_network_that_estimates_none_is_said_to_have_none(loaded):
+    found = whole(SpreadJob(request_of(3)), loaded)
+    assert found.own is None
+    assert "own estimate" not in spread_html(found, "none", QUERY)
+
+
+def test_the_networks_own_estimate_is_held_against_the_error():
+    loaded = loaded_of("pie-net-lite")
+    playback = loaded.playback
+    frames = np.random.default_rng(3).random((8, SENSOR.height, SENSOR.width), np.float32)
+    stamps = np.array([window.t_stop for window in playback.windows], np.int64)
+    seen = replace(playback.recording, ground_truth=GroundTruth(stamps, lambda i: frames[i]))
+    again = replace(loaded, playback=Playback(playback.model, seen, playback.windows))
+    found = whole(SpreadJob(request_of(3)), again)
+    error = np.abs(again.playback.at(3).frame[0, 0].clamp(0, 1).numpy() - frames[3])
+    wanted = np.corrcoef(found.own.deviation.ravel(), error.ravel())[0, 1]
+    assert found.own.pearson == pytest.approx(wanted, abs=1e-4)

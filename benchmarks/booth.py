@@ -1,0 +1,338 @@
+"""An hour at a booth: python benchmarks/booth.py [--minutes 60] [--visitors 20]   (20 minutes and more are kept)
+
+The demo runs in a process of its own with uploads allowed, the caches of `soak.py`, a network that fails now and then,
+and pages that are reset after a few seconds without a touch. In every round so many visitors, who are only websockets,
+come at once and do what a public does: turn the camera, drag, touch, open every menu and command, set every widget,
+guess, take a page home and fetch it, look into the mirror, hand over a recording and open it, break off in the middle
+of a file, talk nonsense, fall asleep, pull the cable. Then everybody has gone and the server has swept up, and what is
+left is counted: memory beyond the caches' own bytes, threads, open files, sessions, and everything that was a
+visitor's: files in the uploads' folder, private recordings, mirrors, jobs. In the end one more visitor comes and must
+see images.
+
+Exit code 1 where something of a visitor is left, the show does not run, or memory beyond the caches rises by more than
+`MOST_GROWTH` an hour (told once there are enough countings after the warm-up).
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import functools
+import http.client
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import soak
+from measure import keep
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+LONGEST = 25.0
+"""Seconds of a visit."""
+IDLE = 6.0
+"""Seconds without a touch after which a page is the next visitor's; the demo's own is a minute."""
+UPLOADS = 16
+"""MB that a visitor may hand over."""
+MOST_GROWTH = 5.0
+"""MB an hour beyond the caches."""
+LEFT = ("upload_files", "upload_desks", "private_recordings", "mirrors", "films", "jobs", "sessions", "visitors_now")
+"""Countings that must be 0 when everybody has gone."""
+NUM_EVENTS = 20_000
+
+
+# ---- the demo's own process ----
+
+
+def serve() -> None:
+    """Run the demo; answer each line on standard input with what the process holds and what is left of visitors."""
+    from app.config import ViewerConfig
+    from app.main import Viewer
+    from app.session import demo
+
+    demo.IDLE = IDLE
+    config = ViewerConfig(demo=True, port=0, precision="fp32", budget=soak.CACHES["states"], threads=1, uploads=UPLOADS)
+    viewer = Viewer(config)
+    soak._lower_caps(viewer.engine)
+    soak._fill(viewer)
+    viewer.rehearse()
+    faults = soak._break_now_and_then(viewer.engine)
+    print(viewer.port, flush=True)
+    for _ in sys.stdin:
+        held = soak._held(viewer)
+        homes = 0.0 if viewer.homes is None else viewer.homes.nbytes / 1e6
+        # Pages that were taken home live half an hour, within a cap of their own: a cache.
+        held |= {"caches_mb": held["caches_mb"] + homes, "beyond_caches_mb": held["beyond_caches_mb"] - homes}
+        print(json.dumps({**held, "homes_mb": homes, **left(viewer), "faults": faults[0]}), flush=True)
+    viewer.stop()
+
+
+def left(viewer) -> dict[str, int]:
+    """What is here of visitors."""
+    uploads, mirrors, jobs = viewer.uploads, viewer.mirrors, viewer.engine._jobs
+    folder = uploads._folder
+    names = [] if folder is None else [name for _, _, found in os.walk(folder.path) for name in found]
+    return {
+        "upload_files": sum(name != ".held" for name in names),
+        "upload_desks": len(uploads._desks),
+        "private_recordings": len(viewer.catalogue._private),
+        "mirrors": len(mirrors._by_ticket) + len(mirrors._running),
+        "films": len(viewer.catalogue.films._films) + len(viewer.catalogue.films._streams),
+        "jobs": len(jobs._entries),
+    }
+
+
+# ---- what visitors do ----
+
+
+async def _turn(browser, rng, port) -> None:
+    for _ in range(rng.randrange(5, 40)):
+        await browser.turn(rng.choice([0.5, 1.0, 1.6]), [rng.uniform(-6, 6) for _ in range(3)])
+        await asyncio.sleep(0.05)
+
+
+async def _open_menus(browser, rng, port) -> None:
+    for uuid in {message["uuid"] for _, kind, message in list(browser.arrivals) if kind == "RegisterCommandMessage"}:
+        await browser._send({"type": "CommandTriggerMessage", "uuid": uuid})
+        await asyncio.sleep(0.1)
+
+
+async def _set_widgets(browser, rng, port) -> None:
+    for uuid, props in list(browser.widgets.items()):
+        value = props.get("value")
+        if isinstance(value, bool):
+            await browser.use(uuid, rng.random() < 0.5)
+        elif isinstance(value, int | float):
+            await browser.use(uuid, rng.randrange(100))
+        elif isinstance(value, str) and props.get("options"):
+            await browser.use(uuid, rng.choice(props["options"]))
+        await asyncio.sleep(0.05)
+
+
+async def _press(browser, *keys: str, pause: float = 0.5) -> None:
+    for key in keys:
+        await browser.use(browser.widget("channel"), f"pick|{key}|0.5|0.5|{random.random()}")
+        await asyncio.sleep(pause)
+
+
+async def _guess(browser, rng, port) -> None:
+    await _press(browser, "demo:guess", "demo:reveal", "demo:cloud", "demo:spot", "demo:play", pause=1.0)
+
+
+async def _take_home(browser, rng, port) -> None:
+    await _press(browser, "demo:home")
+    await browser.until(lambda: "/home/" in browser.html(), 15)
+    path = re.findall(r'href="(/home/[^"]+)"', browser.html())[-1]
+    await asyncio.to_thread(_fetch, port, path)
+    await _press(browser, "demo:close")
+
+
+def _fetch(port: int, path: str) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=15)
+    connection.request("GET", path)
+    connection.getresponse().read()
+    connection.close()
+
+
+async def _look_into_the_mirror(browser, rng, port) -> None:
+    import numpy as np
+
+    await _press(browser, "demo:mirror")
+    await browser.until(lambda: "data-etv-camera=" in browser.html(), 10)
+    ticket = re.findall(r'data-etv-camera="([^"]+)"', browser.html())[-1]
+    async with _door(port, "/camera") as socket:
+        await socket.send(json.dumps({"ticket": ticket}))
+        size = json.loads(await socket.recv()).get("go")
+        if size is None:
+            return  # others look into it
+        y, x = np.mgrid[: size[1], : size[0]]
+        for number in range(rng.randrange(20, 90)):
+            grey = 128 + 90 * np.sin((x - 4 * number) / 9) * np.cos((y + number) / 11)
+            await socket.send(grey.astype(np.uint8).tobytes())
+            await socket.recv()
+            if number % 20 == 0:
+                await socket.send(json.dumps({"contrast": rng.random(), "noise": 3 * rng.random()}))
+            await asyncio.sleep(1 / 15)
+
+
+async def _hand_over(browser, rng, port) -> None:
+    await _press(browser, "demo:mirror")
+    await browser.until(lambda: "data-etv-ticket=" in browser.html(), 10)
+    ticket = re.findall(r'data-etv-ticket="([^"]+)"', browser.html())[-1]
+    content = _recording(rng.randrange(3))
+    async with _door(port, "/upload") as socket:
+        await socket.send(json.dumps({"ticket": ticket, "name": "mine.npz", "size": len(content)}))
+        piece = json.loads(await socket.recv()).get("go")
+        if piece is None:
+            return
+        stops = rng.random() < 0.3
+        for start in range(0, len(content) // 2 if stops else len(content), piece):
+            await socket.send(content[start : start + piece])
+            await socket.recv()
+        if stops:
+            socket.transport.abort()
+            return
+        await socket.send("")
+        await socket.recv()
+    await asyncio.sleep(rng.uniform(1, 6))  # it is opened, and watched
+    await _press(browser, "demo:spot", "demo:play", pause=1.0)
+
+
+def _door(port: int, path: str):
+    from websockets.asyncio.client import connect
+
+    return connect(f"ws://127.0.0.1:{port}{path}", compression=None, max_size=None)
+
+
+@functools.cache
+def _recording(seed: int) -> bytes:
+    """A visitor's own recording, as a file."""
+    import io
+
+    import numpy as np
+
+    rng, content = np.random.default_rng(seed), io.BytesIO()
+    at = np.sort(rng.integers(0, 1_000_000, NUM_EVENTS))
+    x = (at // 9000 + rng.integers(0, 12, NUM_EVENTS)) % 120
+    np.savez(content, x=x, y=rng.integers(0, 90, NUM_EVENTS), t=at, p=rng.integers(0, 2, NUM_EVENTS))
+    return content.getvalue()
+
+
+async def _fall_asleep(browser, rng, port) -> None:
+    await asyncio.sleep(IDLE + rng.uniform(1, 5))
+
+
+async def _as_in_the_soak(browser, rng, port) -> None:
+    await rng.choice(soak.STORIES)(browser, rng)
+
+
+STORIES = (
+    _turn, _open_menus, _set_widgets, _guess, _take_home, _look_into_the_mirror, _hand_over, _hand_over, _fall_asleep,
+    _as_in_the_soak, _as_in_the_soak, _as_in_the_soak,
+)  # fmt: skip
+
+
+async def visit(port: int, rng: random.Random, done: dict[str, int]) -> bool:
+    """One visitor; whether they were shown anything. What they did is counted in `done`."""
+    import websockets
+
+    from tests.app.stand_ins import Browser
+
+    ends, was_shown = time.monotonic() + LONGEST, False
+    # A server that is busy with twenty answers late, and may refuse a camera or a file: a visitor goes on.
+    gone = (websockets.ConnectionClosed, TimeoutError, AssertionError, StopIteration, OSError)
+    with contextlib.suppress(*gone):
+        async with Browser.open(port, tab=rng.randrange(256), aspect=rng.choice([1.6, 1.6, 0.5])) as browser:
+            await browser.until_shown('data-testid="demo"', 60)
+            was_shown = True
+            while time.monotonic() < ends:
+                story = rng.choice(STORIES)
+                with contextlib.suppress(*gone):
+                    await asyncio.wait_for(story(browser, rng, port), max(ends - time.monotonic(), 0.1))
+                    done[story.__name__.strip("_")] = done.get(story.__name__.strip("_"), 0) + 1
+                if browser._socket.close_code is not None:
+                    break
+            if rng.random() < 0.5:
+                browser._socket.transport.abort()  # the cable is out
+    return was_shown
+
+
+async def round_of_visits(port: int, num: int, rng: random.Random, done: dict[str, int]) -> int:
+    """So many visitors at once; how many of them were shown something."""
+    return sum(await asyncio.gather(*(visit(port, random.Random(rng.random()), done) for _ in range(num))))
+
+
+async def show_runs(port: int) -> bool:
+    """Whether one more visitor sees an image, and another one after it."""
+    from tests.app.stand_ins import Browser
+
+    def images(browser) -> set[str]:
+        return set(re.findall(r"Reconstruction of window \d+", browser.html()))
+
+    async with Browser.open(port, tab=1) as browser:
+        with contextlib.suppress(AssertionError):
+            await browser.until(lambda: bool(images(browser)), 60)
+            first = images(browser)
+            await browser.until(lambda: images(browser) != first, 60)
+            return True
+    return False
+
+
+def main() -> int:
+    """Rounds of visitors for so long; the curve is printed and kept as it grows."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--visitors", type=int, default=20)
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.serve:
+        serve()
+        return 0
+    rng, done, rows, came, shown = random.Random(7), {}, [], 0, 0
+    with tempfile.TemporaryDirectory() as scratch, (Path(scratch) / "log").open("w") as log:
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "ETNET_CACHE": f"{scratch}/cache", "TMPDIR": scratch}
+        server = subprocess.Popen(
+            [sys.executable, __file__, "--serve"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            text=True,
+            env=environment,
+        )
+        assert server.stdin is not None
+        assert server.stdout is not None
+        try:
+            port, began = int(server.stdout.readline()), time.monotonic()
+            while (time.monotonic() - began) / 60 < given.minutes:
+                came += given.visitors
+                shown += asyncio.run(round_of_visits(port, given.visitors, rng, done))
+                time.sleep(soak.REST)
+                print("?", file=server.stdin, flush=True)
+                held = _answer(server, Path(log.name))
+                minute = round((time.monotonic() - began) / 60, 2)
+                rows.append({"minute": minute, "visits": came, "shown": shown, **held})
+                print(rows[-1], flush=True)
+                if given.minutes >= soak.KEPT_FROM:
+                    keep("booth", [verdict(rows, done), *rows])
+            runs = asyncio.run(show_runs(port))
+        finally:
+            server.stdin.close()
+            server.wait(60)
+        files = sorted(str(path.relative_to(scratch)) for path in Path(scratch).glob("etnet-*"))
+    said = {**verdict(rows, done), "show_runs": runs, "files_after_the_end": files}
+    print(json.dumps(said, indent=1))
+    if given.minutes >= soak.KEPT_FROM:
+        keep("booth", [said, *rows])
+    return 0 if runs and not files and not said["left_of_visitors"] and said["is_flat"] is not False else 1
+
+
+def _answer(server: subprocess.Popen[str], log: Path) -> dict:
+    """What the server holds; where it has ended, what it said last."""
+    assert server.stdout is not None
+    for line in server.stdout:
+        if line.startswith("{"):  # libraries print, too
+            return json.loads(line)
+    sys.exit(f"the demo has ended:\n{log.read_text()[-3000:]}")
+
+
+def verdict(rows: list[dict], done: dict[str, int]) -> dict:
+    """What grew, what was left, and what visitors had done."""
+    late = [row for row in rows if row["minute"] >= soak.WARM]
+    rise = float(soak.slope(late, "beyond_caches_mb").split()[0]) if len(late) >= 3 else None
+    return {
+        **soak.growth(rows),
+        "left_of_visitors": {name: [row[name] for row in rows] for name in LEFT if any(row[name] for row in rows)},
+        "is_flat": None if rise is None else rise <= MOST_GROWTH,
+        "done": dict(sorted(done.items())),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""A site or head that was chosen for another network: every job answers for this one's, and the page says so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from app.engine.jobs import JobResult
+from app.html.moment import Moment
+from app.html.provenance import ModelFacts
+from app.views.attention.html.shown import shown_of
+from app.views.attention.html.stage import stage_html
+from app.views.attention.jobs.attention import attention_jobs
+from app.views.attention.jobs.heads import MattersJob
+from app.views.attention.jobs.site import BasisJob, SiteJob, TokensJob
+from app.views.attention.jobs.time import CurveJob, PinJob
+from app.views.attention.state import AttentionState, PinnedMap
+from app.views.demo.map import map_html
+from app.views.inspect.jobs.pixel import ThroughTimeJob
+from app.views.page import Page
+from app.views.scene.scene import sites_behind
+from etnet.inspection.anatomy import anatomy_of
+from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
+from tests.app.views.attention.small_page import INDEX, STATE, ready_of
+
+FOREIGN, HEAD = "scale3.encoder.9.self", 13
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return loaded_of()
+
+
+@pytest.fixture(scope="module")
+def first(loaded):
+    return anatomy_of(loaded.playback.model).sites[0]
+
+
+def arrays(value):
+    """What an answer holds, as arrays in a fixed order."""
+    if isinstance(value, torch.Tensor):
+        return [value.numpy()]
+    if isinstance(value, np.ndarray):
+        return [value]
+    if isinstance(value, dict | tuple | list):
+        held = value.values() if isinstance(value, dict) else value
+        return [array for each in held for array in arrays(each)]
+    return [
+        array
+        for name in getattr(value, "__dataclass_fields__", ())
+        if name not in ("seconds", "nbytes")
+        for array in arrays(getattr(value, name))
+    ]
+
+
+def jobs(site, head):
+    request = request_of(INDEX)
+    pinned = PinnedMap(request, site, head, "mean", "attends to", QUERY)
+    return {
+        "site": SiteJob(request, site),
+        "tokens": TokensJob(request, site),
+        "basis": BasisJob(request_of(0), site),
+        "matters": MattersJob(request, site),
+        "entropy": CurveJob(request_of(0), QUERY, site, "entropy", None),
+        "effect": CurveJob(request_of(0), QUERY, site, "effect", head),
+        "followed": ThroughTimeJob(request, QUERY, site, head),
+        "pin": PinJob(pinned),
+    }
+
+
+@pytest.mark.parametrize("name", list(jobs(SITE, None)))
+def test_every_job_answers_for_the_first_site_and_all_heads(loaded, first, name):
+    found, wanted = (arrays(whole(jobs(*asked)[name], loaded)) for asked in ((FOREIGN, HEAD), (first, None)))
+    assert found
+    assert len(found) == len(wanted)
+    assert all(np.array_equal(a, b) for a, b in zip(found, wanted, strict=True))
+
+
+@pytest.fixture(scope="module")
+def page(loaded):
+    state = STATE.put(AttentionState(site=FOREIGN, head=HEAD, weight="value", shows_planes=True))
+    request = request_of(INDEX, wants_attention=True)
+    asked = {slot: job for slot, job in attention_jobs(state, request).items() if slot == "attention.site"}
+    results = {slot: JobResult(job, whole(job, loaded), 1.0, True) for slot, job in asked.items()}
+    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
+    return Page(state, moment, ready_of(loaded, request), results=results, model=ModelFacts("tiny"))
+
+
+def test_the_page_shows_the_first_site_and_says_so(page, first):
+    shown = shown_of(page)
+    assert (shown.site, shown.look.head) == (first, None)
+    assert shown.result("site", site=FOREIGN) is not None
+    text = " ".join(stage_html(page))
+    assert f"tiny has no site {FOREIGN}: this is its first; no head {HEAD}: these are all of them." in text
+    own = replace(page, state=STATE.put(AttentionState(site=SITE, head=1)))
+    assert 'data-testid="instead"' not in " ".join(stage_html(own))
+
+
+def test_demo_and_scene_show_the_first_site_too(page, first):
+    assert 'alt="Where the network looks"' in map_html(page)
+    assert first in sites_behind(page)
