@@ -71,7 +71,7 @@ def _lower_caps(engine) -> None:
     from app.html.moment import ARRAYS, PICTURES
 
     PICTURES._budget_bytes, ARRAYS._budget_bytes = CACHES["pictures"] << 20, CACHES["arrays"] << 20
-    engine._recent._largest = CACHES["frames"] << 20
+    engine._recent._held.set_budget(CACHES["frames"] << 20)
 
 
 def _fill(viewer) -> None:
@@ -154,12 +154,12 @@ def _cached_bytes(engine) -> int:
     from app.html.moment import ARRAYS, PICTURES
 
     loadeds = [loaded.playback for loaded in tuple(engine._playbacks._stages.values())]
-    frames = {ready.frame.ctypes.data: ready.frame.nbytes for ready in tuple(engine._recent._held.values())}
+    frames = {ready.frame.ctypes.data: ready.frame.nbytes for ready in engine._recent.all()}
     for playback in loadeds:
-        frames |= {frame.data_ptr(): frame.nbytes for frame in tuple(playback._frames._frames.values())}
+        frames |= {frame.data_ptr(): frame.nbytes for frame in playback._frames.values()}
     states = sum(playback._states.nbytes for playback in loadeds)
-    held = PICTURES.nbytes + ARRAYS.nbytes + _SCORES.nbytes + engine._jobs._kept_bytes
-    return held + states + sum(frames.values()) + engine._playbacks._attention_bytes
+    held = PICTURES.nbytes + ARRAYS.nbytes + _SCORES.nbytes + engine._jobs._kept.nbytes
+    return held + states + sum(frames.values()) + engine._playbacks._attention.nbytes
 
 
 # ---- the visitors ----

@@ -32,7 +32,7 @@ def first_html(recording: Recording, policy: Policy) -> str:
     for index in range(NUM_PICTURES):
         window = windows[index]
         events = _binned(recording.read(window.start, window.stop))
-        pictures.append(event_image(events, "polarity", window.t_start, window.t_stop)[0])
+        pictures.append(event_image(events, "polarity", window.t_start, window.t_stop)[0].colours)
     height, width, _ = pictures[0].shape
     strip = "data:image/webp;base64," + base64.b64encode(webp(np.concatenate(pictures), None)).decode("ascii")
     return (
