@@ -58,6 +58,7 @@ class Layout:
     """What each view has in the page itself."""
     folders: dict[str, viser.GuiFolderHandle]
     strip: Html
+    pushed: Html
     main: viser.MainPanelHandle
     width: int = 0
     _open: set[str] = field(default_factory=set)
@@ -77,8 +78,8 @@ class Layout:
             self.width = width
             self.main.set_width(width)
 
-    def show(self, page: Page) -> None:
-        """Draw what has changed in what can be seen."""
+    def show(self, page: Page, number: int = 0) -> None:
+        """Draw what has changed in what can be seen; the page is told last of all which push it was."""
         tab = open_tab(page.state, self.views)
         for view in self.views:
             if (panel := self.panels.get(view.name)) is None:
@@ -92,6 +93,7 @@ class Layout:
                 (self._open.add if is_open else self._open.discard)(view.name)
             if view is tab:
                 panel.show_settings(page)
+        self.pushed.show(f'<i class="etv-pushed" data-number="{number}"></i>')
 
 
 def build_layout(
@@ -129,8 +131,9 @@ def build_layout(
     foot = gui.add_panel()
     with foot.add_tab("Timeline", viser.Icon.TIMELINE):
         panels["timeline"].build(gui, dispatch)
+        pushed = Html(gui, '<i class="etv-pushed"></i>')
     foot.float(x=20, y=-15, width=900)
-    return Layout(views, panels, cards, folders, strip, gui.main_panel)
+    return Layout(views, panels, cards, folders, strip, pushed, gui.main_panel)
 
 
 def watch_canvas(client: viser.ClientHandle, hears: Callable[[], bool], tell: Callable[[], None]) -> None:
