@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from etnet.cli.arguments import parsed, told_misspelt
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, progress_callback
-from etnet.cli.recording import Opening, open_with_progress
+from etnet.cli.recording import Opening, chosen_windows, open_with_progress
 from etnet.errors import EtnetError, WindowError
 from etnet.events.recording import Recording
-from etnet.stretch import windows_between
 from etnet.windows import Window
 
 if TYPE_CHECKING:
@@ -159,6 +160,23 @@ Export = (
 )
 
 
+KINDS = {"video": Video, "gif": Gif, "frames": Frames, "arrays": Arrays, "csv": Csv, "page": Page,
+         "session": SessionFile, "onnx": Onnx}  # fmt: skip
+
+
+def parse(arguments: Sequence[str], program: str) -> Any:
+    """The command line; the kind comes first."""
+    kind = arguments[0] if arguments else ""
+    if kind in KINDS:
+        return parsed(KINDS[kind], f"{program} {kind}", arguments[1:])
+    if kind in ("-h", "--help"):
+        return tyro.cli(Export, prog=program, args=list(arguments))
+    if kind and not kind.startswith("-"):
+        raise SystemExit(told_misspelt(program, "kind of file", kind, KINDS, f"{program} --help lists them"))
+    print(f"{program}: name the kind of file first: {', '.join(KINDS)}", file=sys.stderr)
+    raise SystemExit(2)
+
+
 def run(config: Any) -> int:
     """Do it; returns the exit code."""
     if isinstance(config, Onnx):
@@ -185,12 +203,7 @@ def chosen_range(config: Source, recording: Recording, windows: Sequence[Window]
         return parse_range(config.range, len(windows))
     if config.range is not None:
         raise WindowError("--range counts windows, --from and --to seconds; give one of the two")
-    first = recording.span.start
-    begin = None if config.begin is None else first + round(config.begin * 1e6)
-    end = None if config.end is None else first + round(config.end * 1e6)
-    found = windows_between(windows, begin, end)
-    if not found:
-        raise WindowError(f"no window ends from {config.begin or 0:g} s to {config.end or 'the end'}; widen the range")
+    found = chosen_windows(recording, windows, config.begin, config.end)
     return found.start, found.stop
 
 

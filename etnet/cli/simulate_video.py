@@ -160,8 +160,8 @@ def _write(
             written = simulate_footage(footage, made, config, progress, attributes=attributes)
             if written.num_events == 0:
                 raise EtnetError(f"{footage.name}: {written.remarks[-1]}")
-            with open_recording(made) as recording:
-                said = write_recording(recording, out, filming.to, overwrite=True)
+            with open_recording(made) as recording, fraction_callback(f"writing {out.name}") as told:
+                said = write_recording(recording, out, filming.to, overwrite=True, progress=told)
     parameters = out.with_name(out.name + ".json")
     parameters.write_text(json.dumps({"source": footage.name, **config.as_attributes, **attributes}, indent=1) + "\n")
     kept = f"the parameters stand in {parameters.name}"
