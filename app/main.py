@@ -25,7 +25,7 @@ from app.config import ViewerConfig
 from app.session_file import SUFFIX, config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
 from app.web.bounded_log import bound_logs
-from etnet.cli.arguments import parsed
+from etnet.arguments import parsed
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.cleaning import parse_cleaning
 from etnet.files import printable

@@ -8,7 +8,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
-from etnet.cli.arguments import parsed, told_misspelt
+from etnet.arguments import parsed, told_misspelt
 from etnet.errors import EtnetError
 
 _COMMANDS: dict[str, tuple[str, str]] = {

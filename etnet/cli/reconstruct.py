@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from etnet.cli.arguments import parsed
+from etnet.arguments import parsed
 from etnet.cli.live import ReconstructLive
 from etnet.cli.live import run as run_live
 from etnet.cli.live_frames import run_as_cut

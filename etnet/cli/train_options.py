@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from etnet.cli.arguments import parsed
+from etnet.arguments import parsed
 from etnet.training.config import TrainConfig, TrainingError
 from etnet.training.recipes import RECIPES
 
