@@ -222,7 +222,7 @@ def _write(
     is_kalibr = config.layout == "kalibr"
     folder = config.out / ("cam0" if is_kalibr else "frames")
     _make_room(folder)
-    stamps = ["frame,stamp_us,start_us,num_events"]
+    stamps = ["frame,t_stop_us,t_start_us,num_events"]
     width, height = recording.sensor.width, recording.sensor.height
     rate = _frames_per_second(shown) * config.speed
     first, stop = shown[0].index, shown[-1].index + 1

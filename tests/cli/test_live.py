@@ -51,7 +51,7 @@ def test_live_frames_are_written_and_come_again_from_the_recorded_file(tmp_path,
         assert frame.read_bytes() == (again / "frames" / frame.name).read_bytes()
     assert (again / "stamps.csv").read_text() == (out / "stamps.csv").read_text()
     rows = (out / "stamps.csv").read_text().splitlines()
-    assert rows[0] == "frame,stamp_us,start_us,num_events,merged"
+    assert rows[0] == "frame,t_stop_us,t_start_us,num_events,merged"
     assert len(rows) == len(frames) + 1
 
 
