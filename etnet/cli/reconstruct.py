@@ -50,7 +50,7 @@ class Reconstruct:
     """Seconds since the first event: frames of windows that end by then. Default: the end."""
     overwrite: bool = False
     """Replace frames that are there. Of several recordings those that are finished are left as they are; with it they
-    are done anew."""
+    are done again."""
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None

@@ -61,7 +61,7 @@ def write_arrays(
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
 ) -> int:
-    """One array a name, first axis the window; `window`, `t_start_us` and `t_stop_us` say which. By suffix, .npz or .h5.
+    """One array a name, first axis the window; `window`, `t_start_us`, `t_stop_us` say which. .npz or .h5 by suffix.
 
     "attention/<site>" is "n queries heads tokens", rows that sum to 1; "state/<i>" the memory after the window.
     """
