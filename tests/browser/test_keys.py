@@ -80,6 +80,29 @@ def test_the_pointer_on_the_timeline_tells_time_window_and_a_frame_that_is_kept(
     told.wait_for(state="hidden")
 
 
+@pytest.mark.parametrize("size", [(1600, 900), (1280, 720), (390, 844)])
+def test_every_fact_of_the_header_can_be_read_at_every_width(page, size):
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    listed, line = page.get_by_test_id("all-facts"), page.get_by_test_id("provenance")
+    line.locator("[data-fact=state]").wait_for(state="attached")
+    if size[0] > 1500:
+        for fact in line.locator("[data-fact]").all():
+            expect(fact).to_be_visible()
+        expect(listed).to_be_hidden()
+        return
+    listed.get_by_role("button").hover()
+    for name in ("Sensor", "Density", "Network", "Windowing", "Recurrent state"):
+        expect(listed.get_by_text(name, exact=True)).to_be_visible()
+    box = listed.locator("dl").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= size[0]
+    lies_over = (
+        "box => document.elementFromPoint(box.x + box.width - 9, box.y + box.height - 9).closest('.etv-all') !== null"
+    )
+    assert page.evaluate(lies_over, box)
+    page.mouse.move(5, size[1] / 2)
+
+
 def test_the_tour_ends_when_what_it_points_at_has_gone(browser, viewer):
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     page = open_page(browser, viewer.url, context=context)
