@@ -3,7 +3,10 @@
 import pytest
 from playwright.sync_api import expect
 
+from app.config import ViewerConfig
+from app.main import Viewer
 from tests.browser.chromium import open_page, open_workspace
+from tests.browser.conftest import ROI
 
 CAMERA = "window.__viserMutable.cameraControl.getPosition(window.__viserMutable.cameraControl.getTarget()).toArray()"
 
@@ -112,3 +115,22 @@ def test_the_tour_ends_when_what_it_points_at_has_gone(browser, viewer):
     tour.wait_for(state="detached")
     assert page.evaluate("localStorage.getItem('etnet-tour')") == "seen"
     context.close()
+
+
+def test_a_lost_server_is_told_in_a_sentence_and_the_page_returns_by_itself(browser):
+    served = Viewer(ViewerConfig(port=0, budget=256, threads=1, roi=",".join(map(str, ROI))))
+    page = open_page(browser, served.url)
+    page.keyboard.press("ArrowRight")
+    window(page, 1)
+    served.stop()
+    lost = page.get_by_role("alert").get_by_text("The viewer does not answer")
+    lost.wait_for()
+    again = Viewer(ViewerConfig(port=served.port, budget=256, threads=1, roi=",".join(map(str, ROI))))
+    try:
+        lost.wait_for(state="hidden")
+        window(page, 1)
+        page.keyboard.press("ArrowRight")
+        window(page, 2)
+        page.context.close()
+    finally:
+        again.stop()
