@@ -46,7 +46,13 @@ class Runs:
     sight: Sight = "frames"
     """difference: each run minus the first; error: each minus the camera."""
     camera_error: int | None = None
-    """The run whose error stands in the camera's place; `None` shows its frame."""
+    """The run (its place among the titles) whose error stands in the camera's place; `None` shows its frame."""
+    numbers: tuple[int, ...] = ()
+    """Which letter each has, 0 is A; empty: one after the other. Some runs of a page may have no frames."""
+
+    def number(self, place: int) -> int:
+        """Of the run at a place among the titles."""
+        return self.numbers[place] if self.numbers else place
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -100,7 +100,7 @@ def _run_cell(number: int, every: Sequence[Moment], look: Look, runs: Runs) -> C
     title, moment = runs.titles[number], every[number]
     if runs.sight == "error":
         return _error_cell(number, every, runs)
-    letter, hue = letter_and_hue(number)
+    letter, hue = letter_and_hue(runs.number(number))
     note = apart_words(moment.window.t_stop - every[0].window.t_stop)
     if runs.sight == "difference" and number:
         image = diverge(moment.frame - every[0].frame, LIMIT)
@@ -111,7 +111,7 @@ def _run_cell(number: int, every: Sequence[Moment], look: Look, runs: Runs) -> C
 
 def _error_cell(number: int, every: Sequence[Moment], runs: Runs) -> Cell:
     """A run's raw frame minus the camera's."""
-    title, moment, (letter, hue) = runs.titles[number], every[number], letter_and_hue(number)
+    title, moment, (letter, hue) = runs.titles[number], every[number], letter_and_hue(runs.number(number))
     camera = moment.camera
     if camera is None or camera.shape != moment.frame.shape:
         raise RecordingError(

@@ -131,6 +131,15 @@ def test_names_stand_above_the_pictures_in_their_hues_and_say_what_ends_at_anoth
     assert second[low:, right].max() > 100 > unsaid[low:, right].max()
 
 
+def test_a_run_keeps_its_letter_where_another_one_is_left_out():
+    moment = next(compared_take().moments())
+    shown = look(num=2)
+    picture = draw(moment, replace(shown, runs=replace(shown.runs, numbers=(0, 2))), 5)
+    strip = picture[: picture.shape[0] - HEIGHT * SCALE, WIDTH * SCALE + GAP : 2 * WIDTH * SCALE + GAP]
+    assert (strip == RUNS[2]).all(axis=-1).any()
+    assert not (strip == RUNS[1]).all(axis=-1).any()
+
+
 @pytest.mark.parametrize(("num_runs", "num_columns", "num_rows"), [(2, 3, 1), (3, 2, 2), (4, 3, 2)])
 def test_more_than_three_pictures_stand_in_two_rows(num_runs, num_columns, num_rows):
     take = made_up_take()

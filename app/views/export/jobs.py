@@ -238,7 +238,8 @@ def _runs_of(order: Order, view: ViewState, take: Take) -> Runs:
         model, request = playback.model, ordered.request
         cold_from = None if ordered.run.cold_from is None else (ordered.run.cold_from - start) / 1e6
         titles.append(title_of(model, request.policy, request.cleaning, cold_from, card_gamma(model)))
-    return Runs(tuple(titles), SIGHTS[compare.sight], camera_error_of(compare))
+    numbers = tuple(ordered.number for ordered in order.wanted.runs)
+    return Runs(tuple(titles), SIGHTS[compare.sight], camera_error_of(compare, numbers), numbers)
 
 
 def file_name(name: str, format: ExportFormat) -> str:

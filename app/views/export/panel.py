@@ -229,7 +229,7 @@ def _told(page: Page, wanted: StartExport) -> str:
     command = export_command(_ranged(page, wanted), moment, line, page.state.query, out, tone, style, page.state)
     words = "This makes the same, of any size:"
     if wanted.runs:
-        *others, last = NAMES[: len(wanted.runs)]
+        *others, last = [NAMES[run.number] for run in wanted.runs]
         words = f"Runs {', '.join(others)} and {last} stand side by side, as on the stage. {words}"
     if not page.state.of(InspectState).change.is_nothing:
         words = "It has what is changed in the network; this makes the same without the change:"

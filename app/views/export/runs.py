@@ -25,11 +25,14 @@ def ordered_runs(page: Page) -> tuple[OrderedRun, ...]:
     is_compared = len(runs) > 1 or page.state.of(CompareState).replays
     if not is_compared or not runs or runs[0].number:
         return ()
-    return tuple(OrderedRun(run.request, run.run, run.model.source) for run in runs if run.request is not None)
+    return tuple(
+        OrderedRun(run.request, run.run, run.model.source, run.number) for run in runs if run.request is not None
+    )
 
 
-def camera_error_of(compare: CompareState) -> int | None:
-    """The run whose error stands in the camera's place."""
-    if compare.camera != "frame":
-        return NAMES.index(compare.camera)
+def camera_error_of(compare: CompareState, numbers: tuple[int, ...]) -> int | None:
+    """The place among `numbers` of the run whose error stands in the camera's place."""
+    chosen = None if compare.camera == "frame" else NAMES.index(compare.camera)
+    if chosen is not None:
+        return numbers.index(chosen) if chosen in numbers else None
     return 0 if compare.sight == "difference" else None

@@ -36,6 +36,8 @@ class OrderedRun:
     run: Run = field(default_factory=Run)
     source: str = ""
     """What the command line calls its network."""
+    number: int = 0
+    """Its letter on the stage, 0 is A."""
 
 
 @dataclass(frozen=True, slots=True)

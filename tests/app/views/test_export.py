@@ -24,7 +24,7 @@ from app.state.view_state import Limits, ViewState
 from app.views.attention.state import AttentionState
 from app.views.compare.state import CompareState
 from app.views.export.jobs import ExportJob, export_jobs
-from app.views.export.runs import ordered_runs
+from app.views.export.runs import camera_error_of, ordered_runs
 from app.views.export.state import EXPORT_SLOT, DropExport, ExportState, OrderedRun, StartExport
 from app.views.inspect.state import Change, InspectState
 from app.views.page import Page, RunFrame
@@ -110,7 +110,7 @@ def beside_at(playbacks):
 def test_compared_runs_are_exported_side_by_side_as_the_command_line_does(tmp_path, format, sight, shown, camera_error):
     policy, take = ByDuration(16_000), made_up_take()
     other = Playback(made_up_model(), take.recording, plan_windows(take.recording, policy))
-    runs = OrderedRun(request()), OrderedRun(request(policy), Run(policy=policy))
+    runs = OrderedRun(request()), OrderedRun(request(policy), Run(policy=policy), number=1)
     state = STATE.put(CompareState(sight=sight, offset=500))
     wanted = StartExport(format, 1, 3, ("reconstruction", "camera"), 0.5, runs=runs)
     taken = made(ExportJob(reduce(state, wanted, Limits()).of(ExportState).order), beside_at({policy: other}))
@@ -152,6 +152,10 @@ def test_what_compare_shows_is_what_is_ordered_and_elsewhere_the_page_alone():
     )
     page = Page(replace(STATE, workspace="compare"), runs=runs)
     assert [run.request for run in ordered_runs(page)] == [request(), request(ByDuration(5))]
+    apart = replace(page, runs=(runs[0], replace(runs[2], number=1), replace(runs[1], number=2)))
+    assert [run.number for run in ordered_runs(apart)] == [0, 2]
+    assert camera_error_of(CompareState(camera="C"), (0, 2)) == 1
+    assert camera_error_of(CompareState(camera="B"), (0, 2)) is None
     assert ordered_runs(replace(page, runs=runs[:1])) == ()
     assert ordered_runs(replace(page, state=STATE)) == ()
     protocol = page.state.put(CompareState(replays=True))
