@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 from weakref import WeakSet
 
-import tyro
-
 from app.catalogue.folder import VIDEO_SUFFIXES
 from app.catalogue.recordings import Catalogue
 from app.catalogue.threads import THREADS
@@ -27,6 +25,7 @@ from app.config import ViewerConfig
 from app.session_file import SUFFIX, config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
 from app.web.bounded_log import bound_logs
+from etnet.arguments import parsed
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.cleaning import parse_cleaning
 from etnet.files import printable
@@ -59,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"etnet-view {version('etnet')}")
         return 0
     try:
-        config = tyro.cli(ViewerConfig, prog="etnet-view", args=with_a_camera(arguments))
+        config = parsed(ViewerConfig, "etnet-view", with_a_camera(arguments))
         is_asked_to_end = _until_asked_to_end()
         viewer = Viewer(config)
     except EtnetError as error:

@@ -113,6 +113,8 @@ class LoadedPlayback:
     state_bytes: int = 0
     sparsest: float = SPARSEST
     """Events per pixel of a window that counts as a whole one while the state warms up."""
+    beside: Callable[[FrameRequest], LoadedPlayback] | None = None
+    """The playback of another request, for a job about several runs; asked on the engine's thread."""
     branch: tuple[tuple[object, ...], Playback] | None = None
     """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
 
@@ -298,6 +300,7 @@ class PlaybackCache:
         loaded = LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
         band = self._library.model(request.model_id).trained_band
         loaded.sparsest = SPARSEST if band is None else band[0]
+        loaded.beside = self.loaded
         return loaded
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:

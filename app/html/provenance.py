@@ -44,25 +44,36 @@ def provenance_html(moment: Moment, model: ModelFacts, ready: Ready | None, step
 
     The recording's name stands beside it in the bar, and the badge on the picture that it is about.
     """
-    density = density_html(moment.events_per_pixel, model.trained_band)
-    facts = [
-        ("sensor", escape(f"{moment.recording.sensor}"), moment.recording.format),
-        (
-            "density",
-            f"{density} ev/px",
-            "events per pixel and window",
-        ),
-        ("network", f"<b>{escape(model.title)}</b> {escape(_precision(ready))}{_untrained(model)}", _runtime(ready)),
-        ("windowing", escape(policy(moment.policy)), "which events make one frame"),
-        ("step", f"{milliseconds(step_milliseconds)} a step" if step_milliseconds else "", "one encode and one decode"),
-        ("state", _state(ready), "recurrent state"),
-    ]
     listed = "".join(
         f'<div data-fact="{name}" title="{escape(title)}"><dd>{value}</dd></div>'
-        for name, value, title in facts
-        if value
+        for name, _, value, title in _facts(moment, model, ready, step_milliseconds)
     )
     return panel("provenance", f'<dl class="et-facts">{listed}</dl>')
+
+
+def all_facts_html(moment: Moment, model: ModelFacts, ready: Ready | None, step_milliseconds: float | None) -> str:
+    """The same, each with its name, for where a line is too narrow for all of them."""
+    return "".join(
+        f"<dt>{words}</dt><dd>{value}</dd>" for _, words, value, _ in _facts(moment, model, ready, step_milliseconds)
+    )
+
+
+def _facts(
+    moment: Moment, model: ModelFacts, ready: Ready | None, step_milliseconds: float | None
+) -> list[tuple[str, str, str, str]]:
+    """A fact's mark, its name, its value as HTML, and more of it in words; those that are known."""
+    density = density_html(moment.events_per_pixel, model.trained_band)
+    network = f"<b>{escape(model.title)}</b> {escape(_precision(ready))}{_untrained(model)}"
+    step = f"{milliseconds(step_milliseconds)} a step" if step_milliseconds else ""
+    facts = [
+        ("sensor", "Sensor", escape(f"{moment.recording.sensor}"), moment.recording.format),
+        ("density", "Density", f"{density} ev/px", "events per pixel and window"),
+        ("network", "Network", network, _runtime(ready)),
+        ("windowing", "Windowing", escape(policy(moment.policy)), "which events make one frame"),
+        ("step", "Step time", step, "one encode and one decode"),
+        ("state", "Recurrent state", _state(ready), "recurrent state"),
+    ]
+    return [fact for fact in facts if fact[2]]
 
 
 def _untrained(model: ModelFacts) -> str:

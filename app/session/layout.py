@@ -62,6 +62,7 @@ class Layout:
     main: viser.MainPanelHandle
     width: int = 0
     _open: set[str] = field(default_factory=set)
+    _unsuited: frozenset[str] = frozenset()
 
     def arrange(self, state: ViewState) -> None:
         """Open the tab that a state names, close the others."""
@@ -70,17 +71,29 @@ class Layout:
             is_open = tab is not None and name == tab.name
             if folder.visible != is_open:
                 folder.visible = is_open
-        offered = {f"tab:{view.name}": view.title for view in tabs(state, self.views)}
-        chosen = "" if tab is None else f"tab:{tab.name}"
-        self.strip.show(f'<div class="etv-tabs">{segmented("Settings", offered, chosen) if offered else ""}</div>')
+        self._show_tabs(state)
         width = INSPECTOR_WIDTH[state.workspace]
         if width != self.width:
             self.width = width
             self.main.set_width(width)
 
+    def suit(self, page: Page) -> None:
+        """Note which views can do something for what is open."""
+        self._unsuited = frozenset(view.name for view in self.views if not view.suits(page))
+
+    def _show_tabs(self, state: ViewState) -> None:
+        """The tabs that suit what is open, and the one that is open."""
+        tab = open_tab(state, self.views)
+        listed = [view for view in tabs(state, self.views) if view is tab or view.name not in self._unsuited]
+        offered = {f"tab:{view.name}": view.title for view in listed}
+        chosen = "" if tab is None else f"tab:{tab.name}"
+        self.strip.show(f'<div class="etv-tabs">{segmented("Settings", offered, chosen) if offered else ""}</div>')
+
     def show(self, page: Page, number: int = 0) -> None:
         """Draw what has changed in what can be seen; the page is told last of all which push it was."""
         tab = open_tab(page.state, self.views)
+        self.suit(page)
+        self._show_tabs(page.state)
         for view in self.views:
             if (panel := self.panels.get(view.name)) is None:
                 continue
@@ -133,7 +146,9 @@ def build_layout(
         panels["timeline"].build(gui, dispatch)
         pushed = Html(gui, '<i class="etv-pushed"></i>')
     foot.float(x=20, y=-15, width=900)
-    return Layout(views, panels, cards, folders, strip, pushed, gui.main_panel)
+    layout = Layout(views, panels, cards, folders, strip, pushed, gui.main_panel)
+    layout.suit(Page(ViewState()))
+    return layout
 
 
 def watch_canvas(client: viser.ClientHandle, hears: Callable[[], bool], tell: Callable[[], None]) -> None:

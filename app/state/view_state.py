@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Literal, Protocol, TypeVar, get_args
@@ -11,7 +10,7 @@ from app.engine.requests import Precision
 from app.state.checks import number, passing, text, whole
 from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Sensor
-from etnet.stretch import windows_between
+from etnet.stretch import nearest_window, windows_between
 from etnet.windows import Policy, Window
 
 Workspace = Literal["inspect", "attention", "compare", "recording", "demo"]
@@ -49,13 +48,7 @@ class Limits:
 
     def index_at(self, t: int) -> int:
         """The window whose frame stamp (`t_stop`) is nearest to `t` µs; the earlier of two equally near."""
-        if not self.windows:
-            return 0
-        after = bisect.bisect_left(self.windows, t, key=lambda window: window.t_stop)
-        if after == 0 or after == len(self.windows):
-            return self.clamp_index(after)
-        earlier, later = self.windows[after - 1].t_stop, self.windows[after].t_stop
-        return after if later - t < t - earlier else after - 1
+        return nearest_window(self.windows, t) if self.windows else 0
 
     def stretch(self, begin: int | None, end: int | None) -> range:
         """The windows that end after stamp `begin` and not after `end` (µs); `None` is the recording's own end.

@@ -90,6 +90,10 @@ def _nothing_done(intent: Any, catalogue: VisitorCatalogue) -> None:
     return None
 
 
+def _for_everything(page: Page) -> bool:
+    return True
+
+
 def _no_cloud(page: Page) -> Callable[[int], EventCloud] | None:
     return None
 
@@ -109,6 +113,8 @@ class View:
     """Where it stands in the page itself, always open."""
     settings_in: frozenset[Workspace] = NOWHERE
     """Where its settings are one tab of the inspector column."""
+    suits: Callable[[Page], bool] = _for_everything
+    """Whether its settings are for what is open: elsewhere their tab is left out."""
     cards: tuple[Card, ...] = ()
     is_public: bool = False
     """Whether it is part of a page in public, where a visitor may change it."""

@@ -9,6 +9,7 @@ from typing import Literal
 import tyro
 
 from etnet.cli.progress import console
+from etnet.errors import EtnetError
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class Convert:
     """ET-Net's attention heads: the one thing no tensor's shape tells."""
     dtype: Literal["fp32", "fp16"] = "fp32"
     """fp32 keeps the checkpoint's frames to the last digit."""
+    overwrite: bool = False
+    """Replace the target if it is there."""
 
 
 def run(config: Convert) -> int:
@@ -32,6 +35,8 @@ def run(config: Convert) -> int:
     from etnet.nets.convert import convert_checkpoint
     from etnet.nets.weights import save_weights
 
+    if config.target.exists() and not config.overwrite:
+        raise EtnetError(f"{config.target}: is there already; give another name, or --overwrite")
     model, what = convert_checkpoint(config.source, config.heads)
     save_weights(model, config.target, model.card, torch.float16 if config.dtype == "fp16" else torch.float32)
     console.print(f"{config.target}: {what}")

@@ -24,7 +24,7 @@ class ConvertEvents:
     """A recording: a file, a folder or a zip."""
     target: tyro.conf.Positional[Path]
     """The file to write."""
-    to: Layout | None = None
+    layout: Layout | None = None
     """The format, where the suffix is another one or could mean two (DSEC ends in .h5 too)."""
     overwrite: bool = False
     """Replace the target if it is there."""
@@ -34,5 +34,5 @@ class ConvertEvents:
 def run(config: ConvertEvents) -> int:
     """Do it; returns the exit code."""
     with open_with_progress(config.source, config.opening) as recording:
-        write_with_progress(recording, config.target, config.to, overwrite=config.overwrite)
+        write_with_progress(recording, config.target, config.layout, overwrite=config.overwrite)
     return 0

@@ -22,6 +22,7 @@ from etnet.files import write_atomically
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges
+    from etnet.evaluation.protocol import Part
     from etnet.evaluation.report import Failure, Report
     from etnet.evaluation.scores import Scores
     from etnet.nets.presets import Network
@@ -44,11 +45,22 @@ class Evaluate:
     device: str = "cpu"
     whole: bool = False
     """Score all frames of a known test sequence, not only its cut."""
+    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Seconds since the first event: frames from it on are scored, in place of a known sequence's cut. The protocol's
+    cold start or warm-up is before it, and the report says so."""
+    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Seconds since the first event: frames up to it are scored. Default: the end."""
     judge: Literal["auto", "alex", "vgg"] = "auto"
     """auto: LPIPS-VGG beside LPIPS-Alex when its weights are installed. alex: never. vgg: insist."""
     flow: Literal["auto", "file"] = "auto"
     """Temporal consistency without flow in the file. auto: estimate it with DIS. file: print n/a."""
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)
+
+    def part(self) -> Part | None:
+        """The stretch that is scored, where one was named."""
+        from etnet.evaluation.protocol import Part
+
+        return None if self.begin is self.end is None else Part(self.begin, self.end)
 
 
 @dataclass(frozen=True)
@@ -64,6 +76,8 @@ def run(config: Evaluate) -> int:
     """Do it; 1 when any pair failed, and the report names it."""
     from etnet.evaluation.report import Failure
 
+    if config.whole and config.part() is not None:
+        raise EtnetError("--whole scores all frames, --from and --to some of them; give one of the two")
     models, recordings = sort_items(config.items) if config.items else _bundled()
     jobs = _jobs(config, models, recordings)
     share = this_share()
@@ -130,7 +144,8 @@ def _jobs(config: Evaluate, models: list[str], recordings: list[Path]) -> list[J
     for recording in recordings:
         for model in models:
             # Two files of one name in two folders must not share a result.
-            where = hashlib.sha256(f"{Path(model).resolve()}\n{recording.resolve()}".encode()).hexdigest()[:8]
+            told = f"{Path(model).resolve()}\n{recording.resolve()}{config.part() or ''}"
+            where = hashlib.sha256(told.encode()).hexdigest()[:8]
             words = [re.sub(r"[^\w+-]+", "_", Path(part).stem) for part in (model, str(recording))]
             jobs.append(Job(model, recording, folder / f"{words[0]}__{words[1]}__{config.protocol}__{where}.json"))
     return jobs
@@ -172,6 +187,7 @@ def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: st
             estimates_flow=config.flow == "auto",
             name=Path(job.model).stem if job.model.endswith(".safetensors") else job.model,
             on_progress=progress,
+            part=config.part(),
         )
     write_scores(scores, job.target, key)
     return scores
@@ -182,6 +198,7 @@ def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
     files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
     choices = [config.protocol, config.whole, config.flow, config.device, repr(config.opening)]
+    choices += [] if config.part() is None else [str(config.part())]
     judged = "alex+vgg" if judges.lpips_vgg else "alex"
     facts = [RULES, choices, judged, weights, stats]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from etnet.arguments import parsed, told_misspelt
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, progress_callback
-from etnet.cli.recording import Opening, open_with_progress
+from etnet.cli.recording import Opening, chosen_windows, open_with_progress
 from etnet.errors import EtnetError, WindowError
 from etnet.events.recording import Recording
-from etnet.stretch import windows_between
 from etnet.windows import Window
 
 if TYPE_CHECKING:
+    from etnet.export.pictures import Look
     from etnet.export.take import Progress, Take
     from etnet.windows import Policy
 
@@ -56,7 +58,15 @@ class Pictures(Source):
     """How it is drawn."""
 
     panels: tuple[Literal["events", "reconstruction", "camera"], ...] = ("reconstruction",)
-    """Side by side, in this order."""
+    """Side by side, in this order. With --also all runs stand where the reconstruction does, each with its name."""
+    also: Annotated[tuple[str, ...], tyro.conf.arg(metavar="RUN …")] = ()
+    """Up to three runs beside the first, each in quotes: a model, and what differs from --model, --windows, --filter
+    and --precision: "pie-net-lite" "windows=duration=20ms filter=hot,5ms" "cold-from=1.5" (its state is zero at 1.5 s).
+    At each moment they show their window that ends nearest."""
+    show: Literal["frames", "difference", "error"] = "frames"
+    """Of several runs. difference: each minus the first. error: each minus the camera."""
+    frame_offset: float = 0.0
+    """Milliseconds added to the camera frames' timestamps, before one is chosen."""
     scale: int = 1
     """Enlarge each pixel to so many on a side."""
     stamps: bool = False
@@ -159,6 +169,23 @@ Export = (
 )
 
 
+KINDS = {"video": Video, "gif": Gif, "frames": Frames, "arrays": Arrays, "csv": Csv, "page": Page,
+         "session": SessionFile, "onnx": Onnx}  # fmt: skip
+
+
+def parse(arguments: Sequence[str], program: str) -> Any:
+    """The command line; the kind comes first."""
+    kind = arguments[0] if arguments else ""
+    if kind in KINDS:
+        return parsed(KINDS[kind], f"{program} {kind}", arguments[1:])
+    if kind in ("-h", "--help"):
+        return tyro.cli(Export, prog=program, args=list(arguments))
+    if kind and not kind.startswith("-"):
+        raise SystemExit(told_misspelt(program, "kind of file", kind, KINDS, f"{program} --help lists them"))
+    print(f"{program}: name the kind of file first: {', '.join(KINDS)}", file=sys.stderr)
+    raise SystemExit(2)
+
+
 def run(config: Any) -> int:
     """Do it; returns the exit code."""
     if isinstance(config, Onnx):
@@ -185,12 +212,7 @@ def chosen_range(config: Source, recording: Recording, windows: Sequence[Window]
         return parse_range(config.range, len(windows))
     if config.range is not None:
         raise WindowError("--range counts windows, --from and --to seconds; give one of the two")
-    first = recording.span.start
-    begin = None if config.begin is None else first + round(config.begin * 1e6)
-    end = None if config.end is None else first + round(config.end * 1e6)
-    found = windows_between(windows, begin, end)
-    if not found:
-        raise WindowError(f"no window ends from {config.begin or 0:g} s to {config.end or 'the end'}; widen the range")
+    found = chosen_windows(recording, windows, config.begin, config.end)
     return found.start, found.stop
 
 
@@ -252,13 +274,14 @@ def _write(config: Source, take: Take, policy: Policy, progress: Progress) -> st
             from etnet.export.video import write_gif, write_video
 
             write = write_video if isinstance(config, Video) else write_gif
-            look = _look(config, take)
+            take, look = _drawn(config, take, policy)
             num = write(take, config.out, look, config.speed, progress, frames_per_second=config.fps)
             return f"{num} frames"
         case Frames():
             from etnet.export.frames import write_frames
 
-            return f"{write_frames(take, config.out, _look(config, take), progress)} pictures"
+            take, look = _drawn(config, take, policy)
+            return f"{write_frames(take, config.out, look, progress)} pictures"
         case Arrays():
             from etnet.export.arrays import ArraysChoice, write_arrays
 
@@ -314,8 +337,20 @@ def parse_queries(texts: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
         raise EtnetError(f"queries {' '.join(texts)} are not understood; write pixels as X,Y, e.g. 120,90") from None
 
 
-def _look(config: Pictures, take: Take):
+def _drawn(config: Pictures, take: Take, policy: Policy) -> tuple[Take, Look]:
+    """What is drawn, with the runs beside it, and how."""
+    from etnet.cli.runs import Main, with_runs
+    from etnet.export.compared import Runs
     from etnet.export.pictures import Look, card_gamma
 
     gamma = config.gamma if config.gamma is not None else card_gamma(take.playback.model)
-    return Look(config.panels, gamma, config.scale, config.stamps, config.tone, config.event_style)
+    look = Look(config.panels, gamma, config.scale, config.stamps, config.tone, config.event_style)
+    offset = round(config.frame_offset * 1000)
+    if not config.also:
+        return replace(take, frame_offset=offset), look
+    playback = take.playback
+    main = Main(playback.recording, policy, playback.windows, config.model, config.device, config.precision, MEMORY)
+    compared, titles = with_runs(take, main, config.also, offset)
+    if config.gamma is not None:
+        titles = tuple(replace(title, gamma=config.gamma) for title in titles)
+    return compared, replace(look, runs=Runs(titles, config.show, 0 if config.show == "difference" else None))

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.cli.policy import parse_policy
-from etnet.cli.progress import console
+from etnet.cli.progress import SAYS_EVERY, console
 from etnet.live.layouts import LayoutName
 from etnet.live.open import SourceOptions, open_source, parsed_keep, parsed_sensor
 from etnet.live.rate import follower_of
@@ -171,17 +171,18 @@ def stopping(seconds: float | None) -> Iterator[Event]:
 
 
 class Teller:
-    """Prints new notes as they come, and a line about the state once a second."""
+    """Prints new notes as they come, and a line about the state once a second; once a minute without a terminal."""
 
     def __init__(self, live: LiveRecording) -> None:
         self._live, self._told, self._last = live, 0, time.monotonic()
 
     def tell(self, state: str, is_last: bool = False) -> None:
-        """Notes at once; the state if a second has gone by."""
+        """Notes at once; the state when it is time."""
         self._told, notes = self._live.notes_from(self._told)
         for note in notes:
             console.print(f"  {note.stamp / 1e6:.1f} s: {note.text}", markup=False, soft_wrap=True)
-        if not is_last and time.monotonic() - self._last < 1.0:
+        every = 1.0 if console.is_terminal else SAYS_EVERY
+        if not is_last and time.monotonic() - self._last < every:
             return
         self._last = time.monotonic()
         extent, loss = self._live.extent(), self._live.loss

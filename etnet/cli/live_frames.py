@@ -30,7 +30,7 @@ class FrameFolder:
         self._frames.mkdir(parents=True, exist_ok=True)
         self._gamma = gamma if gamma is not None else float(model.card.get("display_gamma", 1.0))  # pyright: ignore
         self._stamps = (out / "stamps.csv").open("w", encoding="ascii", newline="\n")
-        self._stamps.write("frame,stamp_us,start_us,num_events,merged\n")
+        self._stamps.write("frame,t_stop_us,t_start_us,num_events,merged\n")
 
     def add(self, window: Window, frame: Float[Tensor, "1 1 h w"], num_merged: int) -> None:
         """One more."""

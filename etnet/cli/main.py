@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
-import tyro
-
+from etnet.arguments import parsed, told_misspelt
 from etnet.errors import EtnetError
 
 _COMMANDS: dict[str, tuple[str, str]] = {
@@ -41,21 +39,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"etnet {version('etnet')}")
         return 0
     if arguments[0] not in _COMMANDS:
-        near = get_close_matches(arguments[0], _COMMANDS, 1)
-        hint = f"; did you mean {near[0]}?" if near else f"\n\n{_help()}"
-        print(f"etnet: no command is called {arguments[0]!r}{hint}", file=sys.stderr)
-        return 2
+        return told_misspelt("etnet", "command", arguments[0], _COMMANDS, f"there are these:\n\n{_help()}")
     arguments = one_vocabulary(arguments)
     module_name, class_name = _COMMANDS[arguments[0]]
     module = import_module(module_name)
 
-    def parsed() -> Any:
+    def configuration() -> Any:
         program = f"etnet {arguments[0]}"
         if hasattr(module, "parse"):
             return module.parse(arguments[1:], program)
-        return tyro.cli(getattr(module, class_name), prog=program, args=arguments[1:])
+        return parsed(getattr(module, class_name), program, arguments[1:])
 
-    return guarded(lambda: module.run(parsed()), "etnet")
+    return guarded(lambda: module.run(configuration()), "etnet")
 
 
 def one_vocabulary(arguments: Sequence[str]) -> list[str]:
@@ -93,3 +88,7 @@ def _help() -> str:
         summary = (import_module(module_name).__doc__ or "").strip().partition(": ")[2].splitlines()[0]
         lines.append(f"  {name:<15} {summary[:1].upper()}{summary[1:]}")
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from etnet.cli.progress import console
+from etnet.cli.progress import SAYS_EVERY, console
 from etnet.errors import EtnetError
 from etnet.files import write_atomically
 
@@ -24,8 +24,6 @@ Work = Callable[[Path, Path, Callable[[float], None]], int]
 """(recording, its output folder, told the fraction done) → frames written. Raises an EtnetError where it fails."""
 
 DONE, FAILED, CLAIM = "done.json", "failed.txt", ".claim"
-SAYS_EVERY = 60.0
-"""Seconds from one line of progress to the next where no terminal shows a bar."""
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy", "metadata.yaml")
 _BESIDE_EVENTS = ("images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt")
 
@@ -125,12 +123,15 @@ class Remaining:
         return None if done <= 0 else (self.clock() - self.started) * (self.total - done) / done
 
 
-def run_many(jobs: Sequence[Job], share: Share, settings: str, work: Work) -> int:
+def run_many(jobs: Sequence[Job], share: Share, settings: str, work: Work, anew: bool = False) -> int:
     """Do this process's part of `jobs`; 1 when any of it failed, and the failures are named at the end.
 
-    A job that was finished with the same `settings` is not done again; one that another process is at is left to it.
+    A job that was finished with the same `settings` is not done again, unless all are to be done `anew`; one that
+    another process is at is left to it.
     """
     mine = dealt(jobs, share)
+    for job in mine if anew else ():
+        (job.folder / DONE).unlink(missing_ok=True)
     waiting = [job for job in mine if not is_done(job, settings)]
     _say(f"{len(mine)} of {len(jobs)} recordings are this process's; {len(mine) - len(waiting)} are done already")
     remaining, failures = Remaining(sum(max(job.nbytes, 1) for job in waiting)), []

@@ -6,22 +6,25 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
+from etnet.arguments import parsed
 from etnet.cli.live import ReconstructLive
 from etnet.cli.live import run as run_live
 from etnet.cli.live_frames import run_as_cut
 from etnet.cli.policy import default_policy, parse_policy
 from etnet.cli.progress import console, track
-from etnet.cli.recording import Opening, open_with_progress
+from etnet.cli.recording import Opening, chosen_windows, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WindowError
 from etnet.events.moments import Moments, divided, moments_of_frames, moments_of_triggers, read_moments
 from etnet.events.recording import Recording
 from etnet.windows import ByCount, ByDuration, ByStamps, Policy, Window, plan_windows
 
+STAMPS = "stamps.csv"
 LARGE_SENSOR = 400_000
 """Pixels from which on a run's time is told before it begins."""
 
@@ -40,6 +43,14 @@ class Reconstruct:
     """Recordings: files, folders, zips, and folders of them."""
     out: Path = Path("reconstruction")
     """Folder for frames/, stamps.csv and video.mp4; with several recordings one folder each in it."""
+    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Seconds since the first event: frames of windows that end after it. What lies before is replayed, so that they
+    are those of the whole run."""
+    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Seconds since the first event: frames of windows that end by then. Default: the end."""
+    overwrite: bool = False
+    """Replace frames that are there. Of several recordings those that are finished are left as they are; with it they
+    are done again."""
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
@@ -67,7 +78,7 @@ class Reconstruct:
 def parse(arguments: Sequence[str], program: str) -> Reconstruct | ReconstructLive:
     """The command line; `--live` makes it another command."""
     is_live = any(argument.partition("=")[0] == "--live" for argument in arguments)
-    return tyro.cli(ReconstructLive if is_live else Reconstruct, prog=program, args=list(arguments))
+    return parsed(ReconstructLive if is_live else Reconstruct, program, arguments, beside=("--live",))
 
 
 def run(config: Reconstruct | ReconstructLive) -> int:
@@ -81,10 +92,14 @@ def run(config: Reconstruct | ReconstructLive) -> int:
     if config.windows == "as-cut":
         if len(config.files) > 1:
             raise EtnetError(f"--windows as-cut takes one recording at a time, got {len(config.files)}")
+        if config.begin is not None or config.end is not None:
+            raise EtnetError("--windows as-cut gives all live frames again; leave --from and --to out")
+        _check_out(config)
         places = next(iter(config.files)), config.opening, config.out
         return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
     recordings = recordings_in(config.files, config.out)
     if len(recordings) == len(config.files) == 1 and recordings[0] == config.files[0]:
+        _check_out(config)
         num_frames = _reconstruct(config, recordings[0], lambda _: None)
         console.print(f"wrote {num_frames} frames to {config.out}", markup=False, soft_wrap=True)
         return 0
@@ -92,7 +107,13 @@ def run(config: Reconstruct | ReconstructLive) -> int:
     def work(path: Path, folder: Path, told: Callable[[float], None]) -> int:
         return _reconstruct(replace(config, out=folder), path, told)
 
-    return run_many(jobs_of(recordings, config.out), this_share(), _settings(config), work)
+    return run_many(jobs_of(recordings, config.out), this_share(), _settings(config), work, anew=config.overwrite)
+
+
+def _check_out(config: Reconstruct) -> None:
+    """Finished frames stay, unless they may be replaced; the table of stamps is written last."""
+    if (config.out / STAMPS).exists() and not config.overwrite:
+        raise EtnetError(f"{config.out}: holds frames already; give another --out, or --overwrite")
 
 
 def _settings(config: Reconstruct) -> str:
@@ -100,7 +121,7 @@ def _settings(config: Reconstruct) -> str:
     weights = Path(config.model)
     status = weights.stat() if weights.is_file() else None
     mark = "" if status is None else f" {status.st_size} {status.st_mtime_ns}"
-    return f"{replace(config, files=(), out=Path())}{mark}"
+    return f"{replace(config, files=(), out=Path(), overwrite=False)}{mark}"
 
 
 def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None]) -> int:
@@ -114,12 +135,19 @@ def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None])
         model = load_model(config.model, config.device, config.precision)
         gamma = config.gamma if config.gamma is not None else float(model.card.get("display_gamma", 1.0))  # pyright: ignore
         windows = plan_windows(recording, policy)
+        chosen = chosen_windows(recording, windows, config.begin, config.end)
+        part = "" if len(chosen) == len(windows) else f" ({chosen.start} – {chosen[-1]} chosen)"
         console.print(
-            f"{recording.name}: {recording.sensor}, {recording.num_events:,} events, {len(windows)} windows; "
+            f"{recording.name}: {recording.sensor}, {recording.num_events:,} events, {len(windows)} windows{part}; "
             f"model {model.name}, {model.runtime.precision}, display gamma {gamma:g}"
         )
-        _tell_time(model, recording, len(windows))
-        return _write(config, recording, model, policy, windows, gamma, names, told)
+        _tell_time(model, recording, chosen.stop)
+        shown = windows if len(chosen) == len(windows) else [windows[index] for index in chosen]
+        if names is not None:
+            shown = [window for window in shown if window.t_stop in names]
+        if not shown:
+            raise WindowError(f"{recording.name}: none of the moments lies from --from to --to; widen the range")
+        return _write(config, recording, model, policy, shown, gamma, names, told)
 
 
 def _tell_time(model, recording: Recording, num_windows: int) -> None:
@@ -130,7 +158,7 @@ def _tell_time(model, recording: Recording, num_windows: int) -> None:
     if recording.sensor.num_pixels < LARGE_SENSOR:
         return
     seconds = expected_step_seconds(model, recording.sensor.height, recording.sensor.width)
-    remedy = "; --opening.downsample 2 or --opening.region takes a fraction of it"
+    remedy = "; --downsample 2 or --region takes a fraction of it"
     console.print(f"about {seconds:.1f} s a window, {in_words(seconds * num_windows)} in all{remedy}", soft_wrap=True)
 
 
@@ -180,38 +208,49 @@ def _write(
     recording: Recording,
     model,
     policy: Policy,
-    windows: Sequence[Window],
+    shown: Sequence[Window],
     gamma: float,
     names: dict[int, int] | None,
     told: Callable[[float], None],
 ) -> int:
-    """All frames, or those of `names`; how many they are."""
+    """The frames of the windows `shown`; how many they are. With `names` they are numbered one after the other."""
     from etnet.export.images import to_uint8, write_png
     from etnet.export.video import video_writer
     from etnet.files import write_atomically
     from etnet.reconstruction import reconstruct
 
-    folder = config.out / ("frames" if config.layout == "frames" else "cam0")
-    folder.mkdir(parents=True, exist_ok=True)
-    stamps = ["frame,stamp_us,start_us,num_events"]
-    width, height = recording.sensor.width, recording.sensor.height
-    shown = windows if names is None else [window for window in windows if window.t_stop in names]
-    rate = _frames_per_second(shown) * config.speed
     is_kalibr = config.layout == "kalibr"
+    folder = config.out / ("cam0" if is_kalibr else "frames")
+    _make_room(folder)
+    stamps = ["frame,t_stop_us,t_start_us,num_events"]
+    width, height = recording.sensor.width, recording.sensor.height
+    rate = _frames_per_second(shown) * config.speed
+    first, stop = shown[0].index, shown[-1].index + 1
+    steps = track(islice(reconstruct(model, recording, policy), stop), stop, "reconstructing")
     with nullcontext() if is_kalibr else video_writer(config.out / "video.mp4", width, height, rate) as append:
-        for window, step in track(reconstruct(model, recording, policy), len(windows), "reconstructing"):
-            told((window.index + 1) / len(windows))
-            if names is not None and window.t_stop not in names:
+        for window, step in steps:
+            told((window.index + 1) / stop)
+            if window.index < first or (names is not None and window.t_stop not in names):
                 continue
             image = to_uint8(step.frame[0, 0].float().cpu().numpy(), gamma)
-            number = len(stamps) - 1
+            number = window.index if names is None else len(stamps) - 1
             nanoseconds = window.t_stop * 1000 if names is None else names[window.t_stop]
             write_png(folder / (f"{nanoseconds:019d}.png" if is_kalibr else f"frame_{number:06d}.png"), image)
             if append is not None:
                 append(image)
             stamps.append(f"{number},{window.t_stop},{window.t_start},{window.num_events}")
-    write_atomically(config.out / "stamps.csv", ("\n".join(stamps) + "\n").encode())
-    return len(shown)
+    write_atomically(config.out / STAMPS, ("\n".join(stamps) + "\n").encode())
+    return len(stamps) - 1
+
+
+def _make_room(folder: Path) -> None:
+    """Take away what an earlier call wrote there, so that no frame of it stands among the new ones."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for former in (folder.parent / STAMPS, folder.parent / "video.mp4"):
+        former.unlink(missing_ok=True)
+    for path in folder.iterdir():
+        if re.fullmatch(r"frame_\d{6,}\.png|\d{19}\.png", path.name):
+            path.unlink()
 
 
 def _frames_per_second(windows: Sequence[Window]) -> float:

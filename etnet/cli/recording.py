@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from etnet.cli.progress import console, fraction_callback
+from etnet.errors import WindowError
 from etnet.events.cleaning import parse_cleaning
 from etnet.events.denoise import cleaned, removed_share
 from etnet.events.open import open_recording
@@ -14,6 +16,8 @@ from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import Recording
 from etnet.events.stated import Stated
 from etnet.events.write import Layout, write_recording
+from etnet.stretch import windows_between
+from etnet.windows import Window
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,19 @@ def open_as_with_progress(path: Path, opened: OpenedAs) -> Recording:
     said = f"{recording.name}: the filter {opened.cleaning.text} removes {removed_share(filtered):.1%} of the events"
     console.print(said, markup=False, soft_wrap=True)
     return filtered
+
+
+def chosen_windows(recording: Recording, windows: Sequence[Window], begin: float | None, end: float | None) -> range:
+    """The windows that end after `begin` and by `end` (seconds since the first event; `None`: its own ends)."""
+    if not windows:
+        raise WindowError(f"{recording.name}: holds no window of events, so there is nothing to choose from")
+    start = recording.span.start
+    stamps = (None if seconds is None else start + round(seconds * 1e6) for seconds in (begin, end))
+    found = windows_between(windows, *stamps)
+    if not found:
+        until = "the end" if end is None else f"{end:g} s"
+        raise WindowError(f"{recording.name}: no window ends from {begin or 0:g} s to {until}; widen the range")
+    return found
 
 
 def write_with_progress(

@@ -8,8 +8,9 @@ from contextlib import closing
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import Annotated, Literal
 
+import tyro
 from rich.table import Table
 
 from etnet.cli.progress import console, fraction_callback
@@ -67,11 +68,12 @@ class Filming:
     """Of a photo: saccades, drift, or a CSV of seconds, x, y[, degrees[, zoom]]."""
     reach: float = 10.0
     """Pixels that saccades and drift go to either side."""
-    start: float = 0.0
+    begin: Annotated[float, tyro.conf.arg(name="from")] = 0.0
     """Seconds of the video to begin at."""
-    stop: float | None = None
-    crop: tuple[int, int, int, int] | None = None
-    """Left, top, width, height in pixels of the upright picture."""
+    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Seconds of the video to end at. Default: its end."""
+    region: tuple[int, int, int, int] | None = None
+    """x y width height, pixels of the upright picture."""
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""
     drop_repeats: bool = False
@@ -84,13 +86,15 @@ class Filming:
     """Store frames as a camera with this exposure sees them, blurred by motion."""
     frame_noise: float = 0.0
     """Noise of the stored frames, as a share of white."""
-    to: Layout | None = None
+    layout: Layout | None = None
     """The format, where the suffix of OUT does not say it."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
 
     def framing(self) -> Framing:
         """Which part of the pictures falls on the sensor."""
         size = camera_named(self.camera).size if self.camera else None
-        return Framing(self.side, size, self.crop, self.rotate, self.start, self.stop, self.speed)
+        return Framing(self.side, size, self.region, self.rotate, self.begin, self.end, self.speed)
 
     def config(self, seed: int, twin: PixelSettings | None) -> VideoConfig:
         """The settings of the simulation; `twin` is what was measured of a recording."""
@@ -119,9 +123,13 @@ class Filming:
 
 def run_video(filming: Filming, out: Path, seed: int, fps: float | None, seconds: float) -> int:
     """Do it; returns the exit code."""
-    layout_of(out, filming.to)  # what cannot be written is refused before the work, not after it
+    # What cannot be written is refused before the work, not after it.
+    layout_of(out, filming.layout)
+    config = filming.config(seed, None)
+    if out.exists() and not filming.overwrite:
+        raise EtnetError(f"{out}: is there already; give another name, or --overwrite")
     twin = None if filming.like is None else _measured(filming.like)
-    config = filming.config(seed, None if twin is None else twin.pixels)
+    config = config if twin is None else filming.config(seed, twin.pixels)
     out.resolve().parent.mkdir(parents=True, exist_ok=True)
     attributes = {} if filming.like is None else {"like": filming.like.name}
     with closing(_footage(filming, config, fps, seconds)) as footage:
@@ -151,7 +159,7 @@ def _footage(filming: Filming, config: VideoConfig, fps: float | None, seconds: 
 def _write(
     filming: Filming, footage: Footage, out: Path, config: VideoConfig, attributes: Mapping[str, str | int | float]
 ) -> Written:
-    is_ours = filming.to in (None, "event_utils") and out.suffix.lower() in (".h5", ".hdf5")
+    is_ours = filming.layout in (None, "event_utils") and out.suffix.lower() in (".h5", ".hdf5")
     with fraction_callback(f"watching {footage.name}") as progress:
         if is_ours:
             return simulate_footage(footage, out, config, progress, attributes=attributes)
@@ -160,8 +168,8 @@ def _write(
             written = simulate_footage(footage, made, config, progress, attributes=attributes)
             if written.num_events == 0:
                 raise EtnetError(f"{footage.name}: {written.remarks[-1]}")
-            with open_recording(made) as recording:
-                said = write_recording(recording, out, filming.to, overwrite=True)
+            with open_recording(made) as recording, fraction_callback(f"writing {out.name}") as told:
+                said = write_recording(recording, out, filming.layout, overwrite=True, progress=told)
     parameters = out.with_name(out.name + ".json")
     parameters.write_text(json.dumps({"source": footage.name, **config.as_attributes, **attributes}, indent=1) + "\n")
     kept = f"the parameters stand in {parameters.name}"

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from etnet.arguments import parsed
 from etnet.training.config import TrainConfig, TrainingError
 from etnet.training.recipes import RECIPES
 
@@ -41,4 +42,4 @@ def parse(arguments: Sequence[str], program: str) -> Train:
         del rest[at : at + 2]
     default = Train(RECIPES[name])
     names = ",".join(RECIPES)
-    return tyro.cli(Train, default=default, args=rest, prog=f"{program} [--config {{{names}}}]")
+    return parsed(Train, f"{program} [--config {{{names}}}]", rest, default, beside=("--config",))

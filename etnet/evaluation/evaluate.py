@@ -19,7 +19,7 @@ from etnet.evaluation.metrics import (
     sharpness,
     structural_similarity,
 )
-from etnet.evaluation.protocol import Plan, Protocol, plan_protocol
+from etnet.evaluation.protocol import Part, Plan, Protocol, plan_protocol
 from etnet.evaluation.scores import ROWS, Measure, Row, Scores
 from etnet.evaluation.temporal import estimate_flow, temporal_consistency
 from etnet.events.recording import GroundTruth, Recording
@@ -96,13 +96,14 @@ def evaluate(
     estimates_flow: bool = True,
     name: str | None = None,
     on_progress: Progress | None = None,
+    part: Part | None = None,
 ) -> Scores:
-    """Frame-by-frame scores of `model` on the part of `recording` that `protocol` scores.
+    """Frame-by-frame scores of `model` on the part of `recording` that `protocol` scores, or on another `part`.
 
     Temporal consistency takes the file's own flow; without it DIS on ground truth, which a remark says, or nothing
     when `estimates_flow` is off. Raises RecordingError without ground truth.
     """
-    evaluation = Evaluation(model, recording, protocol, judges, whole, estimates_flow, name)
+    evaluation = Evaluation(model, recording, protocol, judges, whole, estimates_flow, name, part)
     for fraction in evaluation.run():
         if on_progress is not None:
             on_progress(fraction)
@@ -124,8 +125,9 @@ class Evaluation:
         whole: bool = False,
         estimates_flow: bool = True,
         name: str | None = None,
+        part: Part | None = None,
     ) -> None:
-        self.plan = plan_protocol(recording, protocol, whole)
+        self.plan = plan_protocol(recording, protocol, whole, part)
         truth = recording.ground_truth
         assert truth is not None
         self._truth = truth

@@ -40,6 +40,23 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {"paper": PAPER, "evreal": EVREAL}
 
 
 @dataclass(frozen=True, slots=True)
+class Part:
+    """The stretch of a recording that is to be scored, seconds since its first event; `None` is its own end."""
+
+    begin: float | None = None
+    end: float | None = None
+
+    def stamps(self, recording: Recording) -> tuple[int, int]:
+        """Its first and last stamp, µs."""
+        first = recording.span.start
+        begin = min(start_of(recording), first) if self.begin is None else first + round(self.begin * 1e6)
+        return begin, _end_of(recording) if self.end is None else first + round(self.end * 1e6)
+
+    def __str__(self) -> str:
+        return f"from {self.begin or 0:g} s to {'the end' if self.end is None else f'{self.end:g} s'}"
+
+
+@dataclass(frozen=True, slots=True)
 class Item:
     """One step of a protocol: the window that is fed, and the ground-truth frame that it is scored against, if any."""
 
@@ -61,27 +78,29 @@ class Plan:
         return tuple(item.frame for item in self.items if item.frame is not None)
 
 
-def plan_protocol(recording: Recording, protocol: Protocol, whole: bool = False) -> Plan:
-    """What `protocol` feeds and scores of `recording`. A known sequence is cut as the tables do, unless `whole`.
+def plan_protocol(recording: Recording, protocol: Protocol, whole: bool = False, part: Part | None = None) -> Plan:
+    """What `protocol` feeds and scores of `recording`. A known sequence is cut as the tables do, unless `whole`, or
+    unless a `part` is given, which then takes the cut's place.
 
     Each window ends at its frame's stamp, as the file has it: a lag between the two sensors is never corrected here.
     """
-    sequence = None if whole else sequence_called(recording.name)
+    sequence = None if whole or part is not None else sequence_called(recording.name)
     truth = recording.ground_truth
     if truth is None or len(truth) < 3:
         raise RecordingError(
             f"{recording.name}: {len(truth) if truth else 0} ground-truth frames, scoring wants at least 3; "
             "look at it in the viewer, which shows sharpness and contrast instead"
         )
-    scored, fed_from, remarks = _scored_span(recording, protocol, sequence)
+    scored, fed_from, remarks = _scored_span(recording, protocol, sequence, part)
     fed = [i for i, t in enumerate(truth.stamps) if fed_from <= t <= scored[1]]
     last = fed[-1] if protocol.warm_up == 0 and fed else len(truth) - 1
     # The paper's code cuts the file first, so that the frame it leaves out is the cut's last.
     fed = [i for i in fed if i != last]
-    if not fed:
+    if not any(truth.stamps[i] >= scored[0] for i in fed):
+        where = part or (sequence.cut if sequence else "it")
         raise RecordingError(
-            f"{recording.name}: no ground-truth frame lies in {sequence.cut if sequence else 'it'}; "
-            "score the whole recording instead (--whole)"
+            f"{recording.name}: too few ground-truth frames lie in {where}; "
+            + ("widen --from and --to" if part else "score the whole recording instead (--whole)")
         )
     windows = _windows(recording, protocol, fed_from, [int(truth.stamps[i]) for i in fed])
     frames = [i if truth.stamps[i] >= scored[0] else None for i in fed]
@@ -112,10 +131,15 @@ def _check_comparable(recording: Recording, truth: GroundTruth, items: tuple[Ite
 
 
 def _scored_span(
-    recording: Recording, protocol: Protocol, sequence: Sequence | None
+    recording: Recording, protocol: Protocol, sequence: Sequence | None, part: Part | None
 ) -> tuple[tuple[int, int], int, tuple[str, ...]]:
     """First and last scored stamp, the stamp from which events are fed, and remarks."""
     start = start_of(recording)
+    if part is not None:
+        begin, end = part.stamps(recording)
+        fed_from = max(start, begin - protocol.warm_up)
+        remark = f"{recording.name}: only its frames {part} are scored, and events are fed from "
+        return (begin, end), fed_from, (f"{remark}{(fed_from - recording.span.start) / 1e6:g} s on",)
     if sequence is None or sequence.cut is None:
         kind = "is no known sequence" if sequence is None else f"is scored whole in {sequence.dataset}"
         return (start, _end_of(recording)), start, (f"{recording.name} {kind}: all its frames are scored",)

@@ -21,7 +21,19 @@ from etnet.events.triggers import Triggers
 
 _LARGEST_TABLE = 256 << 20
 _PER_NANOSECOND = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9}
-_NAMES = ("timestamp", "time", "stamp", "t", "ts", "stamp_us", "t_us", "timestamp_us", "timestamp_ns", "time_us")
+_NAMES = (
+    "timestamp",
+    "time",
+    "stamp",
+    "t",
+    "ts",
+    "stamp_us",
+    "t_stop_us",
+    "t_us",
+    "timestamp_us",
+    "timestamp_ns",
+    "time_us",
+)
 _UNIT_WORDS = {
     "ns": ("ns", "nanoseconds"),
     "us": ("us", "µs", "microseconds"),

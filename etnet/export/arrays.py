@@ -61,7 +61,7 @@ def write_arrays(
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
 ) -> int:
-    """One array a name, first axis the window; `window`, `t_start` and `t_stop` (µs) say which. By suffix, .npz or .h5.
+    """One array a name, first axis the window; `window`, `t_start_us`, `t_stop_us` say which. .npz or .h5 by suffix.
 
     "attention/<site>" is "n queries heads tokens", rows that sum to 1; "state/<i>" the memory after the window.
     """
@@ -74,8 +74,8 @@ def write_arrays(
     with _opened(path, len(take), facts) as append:
         for moment in take.moments(choice.probe, progress, is_cancelled):
             append("window", np.array(moment.window.index, np.int64))
-            append("t_start", np.array(moment.window.t_start, np.int64))
-            append("t_stop", np.array(moment.window.t_stop, np.int64))
+            append("t_start_us", np.array(moment.window.t_start, np.int64))
+            append("t_stop_us", np.array(moment.window.t_stop, np.int64))
             for name, row in _rows(take, moment, choice):
                 append(name, row)
     return len(take)

@@ -22,7 +22,7 @@ def write_frames(
     The table is written last: a folder without it was stopped.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    stamps = ["frame,stamp_us,start_us,num_events"]
+    stamps = ["frame,t_stop_us,t_start_us,num_events"]
     for moment in take.moments(progress=progress, is_cancelled=is_cancelled):
         picture = draw(moment, look, len(take.playback))
         window = moment.window

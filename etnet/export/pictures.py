@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import cv2
@@ -10,9 +11,10 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from etnet.errors import EtnetError, RecordingError
+from etnet.export.compared import LIMIT, Cell, Runs, apart_words, board_of, letter_and_hue
 from etnet.export.images import to_uint8
 from etnet.export.take import Moment
-from etnet.render.colours import GROUND
+from etnet.render.colours import GROUND, diverge
 from etnet.render.events import EventStyle, event_image
 from etnet.render.tone import Tone, tone_map
 
@@ -36,6 +38,8 @@ class Look:
     tone: Tone = "auto"
     """How frames become grey levels; "auto" is the display gamma alone."""
     event_style: EventStyle = "polarity"
+    runs: Runs | None = None
+    """The names of several runs: each has its panel where the reconstruction's stands, and all have titles."""
 
     def __post_init__(self) -> None:
         if not self.panels:
@@ -48,7 +52,7 @@ class Look:
     @property
     def is_grey(self) -> bool:
         """Whether pictures have one channel."""
-        return set(self.panels) <= {"reconstruction", "camera"}
+        return self.runs is None and set(self.panels) <= {"reconstruction", "camera"}
 
 
 def card_gamma(model: Any) -> float:
@@ -61,15 +65,63 @@ Picture = UInt8[np.ndarray, "h w"] | UInt8[np.ndarray, "h w 3"]
 
 def draw(moment: Moment, look: Look, num_windows: int) -> Picture:
     """The picture of one moment; all pictures of one take and look have the same size."""
+    picture = (
+        _side_by_side(moment, look) if look.runs is None else board_of([*_cells(moment, look, look.runs)], look.scale)
+    )
+    return _stamped(picture, moment, num_windows) if look.has_stamps else picture
+
+
+def _side_by_side(moment: Moment, look: Look) -> Picture:
     panels = [_panel(moment, name, look) for name in look.panels]
     ground = GROUND[0] if look.is_grey else np.array(GROUND, np.uint8)
     picture = panels[0]
     for panel in panels[1:]:
         gap = np.full((picture.shape[0], GAP, *picture.shape[2:]), ground, np.uint8)
         picture = np.concatenate([picture, gap, panel], axis=1)
-    if look.scale > 1:
-        picture = picture.repeat(look.scale, axis=0).repeat(look.scale, axis=1)
-    return _stamped(picture, moment, num_windows) if look.has_stamps else picture
+    return picture.repeat(look.scale, axis=0).repeat(look.scale, axis=1) if look.scale > 1 else picture
+
+
+def _cells(moment: Moment, look: Look, runs: Runs) -> Iterator[Cell]:
+    """The panels with their titles; in the reconstruction's place every run."""
+    every = (moment, *moment.beside)
+    for name in look.panels:
+        if name == "reconstruction":
+            yield from (_run_cell(number, every, look, runs) for number in range(len(runs.titles)))
+        elif name == "camera" and runs.camera_error is not None:
+            yield _error_cell(runs.camera_error, every, runs)
+        elif name == "camera":
+            note = apart_words(moment.camera_lag or 0, "after A", "before A")
+            yield Cell(_panel(moment, name, look), "Camera", note=note)
+        else:
+            yield Cell(_panel(moment, name, look), "Events")
+
+
+def _run_cell(number: int, every: Sequence[Moment], look: Look, runs: Runs) -> Cell:
+    title, moment = runs.titles[number], every[number]
+    if runs.sight == "error":
+        return _error_cell(number, every, runs)
+    letter, hue = letter_and_hue(runs.number(number))
+    note = apart_words(moment.window.t_stop - every[0].window.t_stop)
+    if runs.sight == "difference" and number:
+        image = diverge(moment.frame - every[0].frame, LIMIT)
+        return Cell(image, f"{title.network} - A", letter, hue, note=note, is_signed=True)
+    image = _panel(moment, "reconstruction", replace(look, gamma=title.gamma))
+    return Cell(image, title.network, letter, hue, title.settings, note)
+
+
+def _error_cell(number: int, every: Sequence[Moment], runs: Runs) -> Cell:
+    """A run's raw frame minus the camera's."""
+    title, moment, (letter, hue) = runs.titles[number], every[number], letter_and_hue(runs.number(number))
+    camera = moment.camera
+    if camera is None or camera.shape != moment.frame.shape:
+        raise RecordingError(
+            f"{moment.recording.name}: has no camera frames of the sensor's size, so runs have no error; show their "
+            "frames or their difference"
+        )
+    note = apart_words(moment.window.t_stop - every[0].window.t_stop)
+    return Cell(
+        diverge(moment.frame - camera, LIMIT), f"{title.network} - camera", letter, hue, "", note, is_signed=True
+    )
 
 
 def _panel(moment: Moment, name: PanelName, look: Look) -> Picture:

@@ -15,6 +15,7 @@ from etnet.events.recording import Recording
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.base import Step
 from etnet.playback.playback import Playback
+from etnet.stretch import nearest_window
 from etnet.windows import Window
 
 Progress = Callable[[int, int], None]
@@ -30,6 +31,10 @@ class Moment:
     recording: Recording
     window: Window
     step: Step
+    beside: tuple[Moment, ...] = ()
+    """What the runs beside the take's own show at this moment."""
+    frame_offset: int = 0
+    """µs that are added to the camera frames' stamps."""
 
     @cached_property
     def frame(self) -> Float32[np.ndarray, "h w"]:
@@ -49,10 +54,38 @@ class Moment:
     @cached_property
     def camera(self) -> Float32[np.ndarray, "h w"] | None:
         """The camera's frame nearest to the stamp, 0 … 1; `None` where the recording has none."""
-        truth = self.recording.ground_truth
-        if truth is None or len(truth) == 0:
+        truth, index = self.recording.ground_truth, self._camera_index
+        return None if truth is None or index is None else truth.read_frame(index)
+
+    @property
+    def camera_lag(self) -> int | None:
+        """µs by which that frame was taken after the stamp."""
+        truth, index = self.recording.ground_truth, self._camera_index
+        if truth is None or index is None:
             return None
-        return truth.read_frame(truth.nearest(self.window.t_stop))
+        return int(truth.stamps[index]) + self.frame_offset - self.window.t_stop
+
+    @property
+    def _camera_index(self) -> int | None:
+        truth = self.recording.ground_truth
+        return truth.nearest(self.window.t_stop - self.frame_offset) if truth is not None and len(truth) else None
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Another run of the same recording: at each moment it shows its window that ends nearest."""
+
+    playback: Playback
+    is_same_plan: bool = False
+    """Its windows are the take's, number for number; some may end at one stamp."""
+
+    def moment(self, window: Window, frame_offset: int, is_cancelled: IsCancelled | None) -> Moment:
+        """What it shows beside `window`."""
+        windows = self.playback.windows
+        is_known = self.is_same_plan and window.index < len(windows)
+        index = window.index if is_known else nearest_window(windows, window.t_stop)
+        step = self.playback.at(index, cancelled=is_cancelled)
+        return Moment(self.playback.recording, windows[index], step, (), frame_offset)
 
 
 @dataclass(frozen=True)
@@ -62,6 +95,10 @@ class Take:
     playback: Playback
     start: int
     stop: int
+    beside: tuple[Beside, ...] = ()
+    """Runs that are drawn beside it; what is not drawn leaves them out."""
+    frame_offset: int = 0
+    """µs that are added to the camera frames' stamps."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.start < self.stop <= len(self.playback):
@@ -97,7 +134,8 @@ class Take:
         """Every moment in order. `probe` adds attention; progress counts the moments that were handed on."""
         for done, window in enumerate(self.windows):
             step = self.playback.at(window.index, probe, cancelled=is_cancelled)
-            yield Moment(self.recording, window, step)
+            beside = tuple(run.moment(window, self.frame_offset, is_cancelled) for run in self.beside)
+            yield Moment(self.recording, window, step, beside, self.frame_offset)
             if is_cancelled is not None and is_cancelled():
                 raise Cancelled(f"{self.recording.name}: export was stopped after {done + 1} of {len(self)} windows")
             if progress is not None:

@@ -24,6 +24,10 @@ GROUND: Colour = (16, 18, 22)
 QUERY: Colour = (255, 255, 255)
 """The token that was clicked."""
 
+RUNS: tuple[Colour, ...] = ((255, 255, 255), (185, 176, 245), (242, 226, 78), (95, 214, 184))
+"""Runs A, B, C, D in pictures and curves: apart from each other, and from polarity, for every common colour
+blindness."""
+
 LEVELS = 127
 """Steps on either side of zero in the diverging ramp."""
 

@@ -35,6 +35,11 @@
   let steps = []; // those whose part is in sight: in public and on a phone not all are
   let step = -1;
   let card = null;
+  let missed = 0; // looks in a row at which the part that is pointed at was not there
+  let touchedAt = -Infinity;
+  for (const kind of ["pointerdown", "keydown", "wheel"]) {
+    document.addEventListener(kind, (event) => (touchedAt = event.timeStamp), { capture: true, passive: true });
+  }
   const seen = (parts) =>
     [...document.querySelectorAll(parts)].find((element) => element.checkVisibility() && element.getBoundingClientRect().height > 0);
   const target = () => seen(steps[step][0]);
@@ -101,13 +106,19 @@
     begin();
   });
   window.addEventListener("resize", place);
-  setInterval(place, 500); // parts move when pictures come
+  // Parts move when pictures come. One that has gone (another workspace was opened) ends the tour: there is nothing to show.
+  setInterval(() => {
+    missed = card && !target() ? missed + 1 : 0;
+    if (missed > 2) leave();
+    else place();
+  }, 500);
 
   // Offered when all is there to point at and nothing is going on, to a browser that has not had it, never on a phone or in public.
   const offer = () => {
     if (remembered() || innerWidth < 900) return;
     if (document.querySelector("[data-etv-public]")) return;
-    const isBusy = [...document.querySelectorAll(".et-lag")].some((lag) => lag.checkVisibility());
+    const isAtWork = performance.now() - touchedAt < 5000 || document.querySelector(".etv-play[aria-label^=Pause]");
+    const isBusy = isAtWork || [...document.querySelectorAll(".et-lag")].some((lag) => lag.checkVisibility());
     const isThere = document.querySelector("[data-testid=reconstruction] img") && EXPERT.every(([parts]) => seen(parts));
     if (isBusy || !isThere) return void setTimeout(offer, 500);
     begin();

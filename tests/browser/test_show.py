@@ -32,6 +32,7 @@ def test_one_key_copies_a_link_that_opens_paused_at_exactly_that_moment(browser,
     other.locator("[data-etv-workspace=attention]").wait_for(state="attached")
     assert other.locator(QUERY).get_attribute("data-etv-query") == asked
     assert other.get_by_role("button", name="Play (space)").is_visible()
+    other.locator("div:has(> .etv-strip) + div [role=slider][aria-valuenow='4']").wait_for(state="attached")
     other.context.close()
 
 

@@ -41,7 +41,7 @@ def with_frames(tmp_path):
 @pytest.mark.parametrize("layout", TARGETS)
 def test_a_real_recording_converted_there_and_back_is_the_same(layout, tmp_path):
     source, there, back = real_file("derived/slider_depth_0.5s_mvsec.hdf5"), tmp_path / TARGETS[layout], "back.h5"
-    assert main(["convert-events", str(source), str(there), *(["--to", "dsec"] if layout == "dsec" else [])]) == 0
+    assert main(["convert-events", str(source), str(there), *(["--layout", "dsec"] if layout == "dsec" else [])]) == 0
     stated = ["--assume", "width=240,height=180"]
     assert main(["convert-events", str(there), str(tmp_path / back), *stated]) == 0
     with open_recording(source) as first, open_recording(tmp_path / back) as second:
@@ -121,6 +121,6 @@ def test_a_suffix_of_no_layout_is_told_the_layouts_and_to_overrules(with_frames,
     path, whole = with_frames
     assert main(["convert-events", str(path), str(tmp_path / "a.dat")]) == 1
     assert "event_utils" in capsys.readouterr().err
-    assert main(["convert-events", str(path), str(tmp_path / "a.dat"), "--to", "csv"]) == 0
+    assert main(["convert-events", str(path), str(tmp_path / "a.dat"), "--layout", "csv"]) == 0
     with open_recording(tmp_path / "a.dat", assume=Assumptions(width=20, height=12)) as back:
         assert_same_events(all_events(back), all_events(whole))

@@ -20,9 +20,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def evaluate(folder: Path, *items: str) -> int:
+def evaluate(folder: Path, *items: str, options: tuple[str, ...] = ()) -> int:
     paths = [str(folder / item) for item in items]
-    return main(["evaluate", *paths, "--out", str(folder / "out"), "--judge", "alex", "--flow", "file"])
+    return main(["evaluate", *paths, "--out", str(folder / "out"), "--judge", "alex", "--flow", "file", *options])
 
 
 def report(folder: Path) -> dict:
@@ -83,3 +83,18 @@ def test_a_call_that_lacks_a_model_or_a_recording_says_so(folder: Path, items, c
     assert evaluate(folder, *items) == 1
     message = capsys.readouterr().err
     assert "no model" in message or "no recording" in message or "absent.h5" in message
+
+
+def test_a_part_in_seconds_is_scored_by_itself_and_the_report_says_which(folder: Path, capsys) -> None:
+    assert evaluate(folder, "mine.safetensors", "two.h5") == 0
+    whole = report(folder)["scores"][0]["stamps"]
+    assert evaluate(folder, "mine.safetensors", "two.h5", options=("--from", "0.03", "--to", "0.18")) == 0
+    part = report(folder)
+    assert 0 < len(part["scores"][0]["stamps"]) < len(whole)
+    said = "two: only its frames from 0.03 s to 0.18 s are scored"
+    assert any(said in note for note in part["notes"])
+    assert said in (folder / "out" / "report.md").read_text()
+    assert evaluate(folder, "mine.safetensors", "two.h5") == 0
+    assert report(folder)["scores"][0]["stamps"] == whole
+    assert evaluate(folder, "mine.safetensors", "two.h5", options=("--whole", "--to", "1")) == 1
+    assert "give one of the two" in capsys.readouterr().err

@@ -3,6 +3,7 @@ import pytest
 from etnet.bundled import samples
 from etnet.cli.export import parse_queries
 from etnet.cli.main import main
+from etnet.cli.runs import RunOptions, parse_run
 from etnet.errors import EtnetError
 from etnet.nets.weights import save_weights
 from tests.export.recordings_made_up import made_up_model
@@ -23,6 +24,22 @@ SAMPLE = str(next(path for path in samples() if path.stem == "prints"))
         ("video", "v.mp4", ["--panels", "events", "reconstruction", "--stamps", "--speed", "0.5"]),
         ("gif", "g.gif", ["--scale", "2", "--no-stamps"]),
         ("frames", "frames", []),
+        (
+            "video",
+            "runs.mp4",
+            [
+                "--also",
+                "windows=count=3000 filter=hot,5ms",
+                "leaky-integrator cold-from=0.02",
+                "--panels",
+                "reconstruction",
+                "camera",
+                "--show",
+                "error",
+                "--frame-offset",
+                "1.5",
+            ],
+        ),
         ("arrays", "a.npz", ["--what", "frames", "attention", "--queries", "120,90"]),
         ("csv", "t.csv", []),
         ("page", "p.html", ["--queries", "3", "2"]),
@@ -72,3 +89,32 @@ def test_queries_are_pixels():
     assert parse_queries(("1,2", "30,4")) == ((1, 2), (30, 4))
     with pytest.raises(EtnetError, match="X,Y"):
         parse_queries(("1;2",))
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("", RunOptions()),
+        ("pie-net-lite", RunOptions("pie-net-lite")),
+        ("'my weights/a=b.pth' precision=bf16", RunOptions("my weights/a=b.pth", precision="bf16")),
+        ("windows=count=100,duration=5ms filter=hot,5ms,2 cold-from=1.25",
+         RunOptions(None, "count=100,duration=5ms", "hot,5ms,2", None, 1.25)),
+    ],
+)  # fmt: skip
+def test_a_run_is_told_in_one_word_of_the_shell(text, wanted):
+    assert parse_run(text) == wanted
+
+
+@pytest.mark.parametrize(
+    ("runs", "words"),
+    [
+        (["cold-from=soon"], "not understood"), (["precision=fp8"], "fp32, bf16 or auto"),
+        (["'open"], "not understood"),
+        (["", "", "", ""], "at most 3"), (["cold-from=9999"], "start cold earlier"),
+    ],
+)  # fmt: skip
+def test_runs_that_cannot_be_are_one_line(tmp_path, weights, capsys, runs, words):
+    line = ["export", "gif", SAMPLE, "-o", str(tmp_path / "g.gif"), "--model", str(weights), "--range", "1:3"]
+    assert main([*line, "--also", *runs]) == 1
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "g.gif").exists()

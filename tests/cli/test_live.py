@@ -5,10 +5,11 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 
-from etnet.cli.live import LiveOptions, parsed_keep
+from etnet.cli.live import LiveOptions, Teller, parsed_keep
 from etnet.cli.main import main
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
@@ -50,7 +51,7 @@ def test_live_frames_are_written_and_come_again_from_the_recorded_file(tmp_path,
         assert frame.read_bytes() == (again / "frames" / frame.name).read_bytes()
     assert (again / "stamps.csv").read_text() == (out / "stamps.csv").read_text()
     rows = (out / "stamps.csv").read_text().splitlines()
-    assert rows[0] == "frame,stamp_us,start_us,num_events,merged"
+    assert rows[0] == "frame,t_stop_us,t_start_us,num_events,merged"
     assert len(rows) == len(frames) + 1
 
 
@@ -113,3 +114,18 @@ def test_sizes_and_what_is_kept_are_parsed():
     with pytest.raises(RecordingError, match="346x260"):
         parsed_sensor("346")
     assert LiveOptions(sensor="346x260").source_options().sensor == Sensor(346, 260)
+
+
+def test_without_a_terminal_the_state_is_told_once_a_minute(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("etnet.cli.live.time.monotonic", lambda: now[0])
+    live = SimpleNamespace(
+        notes_from=lambda told: (told, ()),
+        extent=lambda: SimpleNamespace(until=2_000_000, first_stamp=0, num_events=5),
+        loss=SimpleNamespace(packets=0),
+    )
+    told = Teller(live)
+    for second in range(0, 181, 5):
+        now[0] = float(second)
+        told.tell("state")
+    assert capsys.readouterr().err.splitlines() == ["  2.0 s, 5 events, state"] * 3

@@ -106,6 +106,18 @@ def test_what_is_done_is_not_done_again_and_a_failure_is_named_at_the_end(tmp_pa
     assert len(worked) == 7
 
 
+def test_what_is_done_is_done_anew_when_that_is_asked(tmp_path):
+    jobs, worked = _jobs(tmp_path, [3, 2]), []
+
+    def work(path: Path, folder: Path, told) -> int:
+        worked.append(path.name)
+        return 1
+
+    for anew in (False, False, True):
+        assert run_many(jobs, Share(), "settings", work, anew=anew) == 0
+    assert worked == ["0.h5", "1.h5"] * 2
+
+
 def test_a_file_that_changed_is_done_again(tmp_path):
     job = _jobs(tmp_path, [5])[0]
     run_many((job,), Share(), "s", lambda *_: 1)

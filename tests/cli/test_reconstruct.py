@@ -79,3 +79,36 @@ def test_triggers_give_the_moments(file, tmp_path, chosen, stamps):
 def test_what_cannot_be_is_one_line(file, tmp_path, capsys, options, words):
     assert main(["reconstruct", str(file), "--out", str(tmp_path / "out"), *options]) == 1
     assert words in capsys.readouterr().err
+
+
+def pictures(out):
+    return {path.name: path.read_bytes() for path in sorted((out / "frames").glob("*.png"))}
+
+
+def test_seconds_choose_the_frames_that_are_written_and_they_are_those_of_the_whole_run(file, tmp_path):
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    _, stamps = reconstructed(file, whole, "--windows", "duration=20ms")
+    names, chosen = reconstructed(file, part, "--windows", "duration=20ms", "--from", "0.02", "--to", "0.06")
+    assert chosen == [stamp for stamp in stamps if 20_000 < stamp <= 60_000]
+    assert names == [f"frame_{stamps.index(stamp):06d}.png" for stamp in chosen]
+    assert pictures(part).items() < pictures(whole).items()
+    _, moments = reconstructed(file, tmp_path / "moments", "--stamps", table(tmp_path), "--from", "0.03")
+    assert moments == [stamp for stamp in STAMPS if stamp > 30_000]
+    assert main(["reconstruct", str(file), "--out", str(tmp_path / "none"), "--from", "9"]) == 1
+
+
+def test_frames_that_are_there_are_replaced_when_asked_alone_and_then_altogether(file, tmp_path, capsys):
+    out = tmp_path / "out"
+    many, _ = reconstructed(file, out, "--windows", "duration=10ms")
+    (out / "frames/mine.png").write_bytes(b"mine")
+    before = pictures(out)
+    again = ["reconstruct", str(file), "--out", str(out), "--windows", "duration=25ms"]
+    assert main(again) == 1
+    assert "--overwrite" in capsys.readouterr().err
+    assert pictures(out) == before
+    assert main([*again, "--overwrite"]) == 0
+    left = pictures(out)
+    assert left.pop("mine.png") == b"mine"
+    assert 0 < len(left) < len(many)
+    (out / "stamps.csv").unlink()  # as after a run that was stopped: nothing finished is lost
+    assert main(again) == 0

@@ -23,7 +23,7 @@ def done(*words) -> int:
 @pytest.mark.parametrize("name", ["a.h5", "a.aedat4", "a.raw", "a.csv", "a.npz", "dsec.h5"])
 def test_every_format_that_we_write_holds_the_same_events(film, tmp_path, name):
     assert done(tmp_path / "ours.h5", "--video", film) == 0
-    extra = ["--to", "dsec"] if name == "dsec.h5" else []
+    extra = ["--layout", "dsec"] if name == "dsec.h5" else []
     assert done(tmp_path / name, "--video", film, *extra) == 0
     with open_recording(tmp_path / "ours.h5") as ours, open_recording(tmp_path / name) as other:
         assert ours.num_events == other.num_events > 1000
@@ -84,3 +84,19 @@ def test_nothing_that_moves_is_said_in_every_format(tmp_path, capsys):
     assert not (tmp_path / "a.csv").exists()
     assert done(tmp_path / "a.h5", "--video", still, "--interpolate", "often") == 1
     assert "takes auto, off, or a number" in capsys.readouterr().err
+
+
+def test_a_part_in_seconds_and_pixels_is_seen_and_what_is_there_stays_unless_it_may_be_replaced(film, tmp_path, capsys):
+    out = tmp_path / "a.h5"
+    assert done(out, "--video", film) == 0
+    before = out.read_bytes()
+    part = ("--video", film, "--from", 0.04, "--to", 0.2, "--roi", "4,4,32,24")
+    assert done(out, *part) == 1
+    assert "--overwrite" in capsys.readouterr().err
+    assert out.read_bytes() == before
+    assert done(tmp_path / "b.h5", *part) == 0
+    assert done(out, *part, "--overwrite") == 0
+    with open_recording(out) as recording, open_recording(tmp_path / "b.h5") as other:
+        assert recording.num_events == other.num_events
+        assert recording.sensor.width * 24 == recording.sensor.height * 32
+        assert recording.span.stop - recording.span.start < 200_000

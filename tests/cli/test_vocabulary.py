@@ -37,6 +37,54 @@ def test_the_version_is_told_and_a_slip_gets_the_command_that_was_meant(capsys):
     assert "did you mean reconstruct?" in capsys.readouterr().err
 
 
+SLIPS = [
+    ("reconstruct a.h5 --form 1", "did you mean --from?"), ("reconstruct --liv camera", "did you mean --live?"),
+    ("reconstruct --live camera --sepeed 2", "did you mean --speed?"), ("record evk4 a.h5 --rato 1 2", "--rate?"),
+    ("inspect a.h5 --timeunit us", "--time-unit?"), ("convert-events a b --overwrit", "--overwrite?"),
+    ("cut a b --form=1", "--from?"), ("convert a b --xyz", "etnet convert --help"),
+    ("simulate a --vidoe b", "--video?"),
+    ("train --confg half", "--config?"), ("train --max_updats 3", "etnet train --help"),
+    ("evaluate --protokol paper", "--protocol?"), ("evaluate --no-wole", "--no-whole?"),
+    ("export video a.h5 -o b --spped 2", "etnet export video: no option is called --spped; did you mean --speed?"),
+    ("export vidio a.h5", "etnet export: no kind of file is called vidio; did you mean video?"),
+    ("replay a.json --chck", "--check?"), ("cache --claer", "--clear?"), ("sample --xyz", "etnet sample --help"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("line", "said"), SLIPS)
+def test_a_misspelt_option_is_one_line_with_the_one_that_was_meant(line, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(line.split())
+    assert ended.value.code == 2
+    told = capsys.readouterr()
+    assert len(told.err.splitlines()) == 1
+    assert said in told.err
+    assert not told.out
+
+
+def test_the_viewer_answers_a_misspelt_option_in_the_same_way(capsys):
+    from app.main import main as view
+
+    with pytest.raises(SystemExit) as ended:
+        view(["a.h5", "--demoo"])
+    assert (ended.value.code, capsys.readouterr().err) == (
+        2,
+        "etnet-view: no option is called --demoo; did you mean --demo?\n",
+    )
+
+
+def test_an_export_without_a_kind_names_the_kinds_and_help_is_help(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["export", "-o", "b.mp4"])
+    assert ended.value.code == 2
+    assert "video, gif, frames, arrays, csv, page, session, onnx" in capsys.readouterr().err
+    for asked in (["export", "--help"], ["export", "video", "--help"], ["reconstruct", "--help"]):
+        with pytest.raises(SystemExit) as ended:
+            main(asked)
+        assert ended.value.code == 0
+        assert "usage: etnet" in capsys.readouterr().out
+
+
 def test_a_filter_holds_for_whatever_opens_a_recording_and_its_share_is_told(file, capsys):
     with (
         open_with_progress(file, Opening(filter="hot,50ms,2")) as filtered,

@@ -8,7 +8,7 @@ import pytest
 from etnet.errors import RecordingError
 from etnet.evaluation.datasets import DATASETS, Cut, sequence_called
 from etnet.evaluation.metrics import SSIM_EVREAL, SSIM_PAPER
-from etnet.evaluation.protocol import EVREAL, PAPER, plan_protocol
+from etnet.evaluation.protocol import EVREAL, PAPER, Part, plan_protocol
 from etnet.events.recording import recording_of_events
 from tests.evaluation.recordings import made_up, slider_depth
 
@@ -107,3 +107,18 @@ def test_frames_that_cannot_be_compared_are_one_clear_error() -> None:
     late = replace(truth, stamps=truth.stamps + np.array([0, 0, 0, 10**9, 10**9, 10**9]))
     remarks = plan_protocol(replace(recording, ground_truth=late), PAPER).remarks
     assert any("scored windows hold no event" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize(("protocol", "fed"), [(PAPER, 0.055), (EVREAL, -0.005)])
+def test_a_named_part_takes_the_cut_s_place_and_the_plan_says_so(protocol, fed):
+    recording = made_up("boxes_6dof", num_frames=10)
+    plan = plan_protocol(recording, protocol, part=Part(0.055, 0.2))
+    assert plan.sequence is None
+    start, stamps = recording.span.start, recording.ground_truth.stamps
+    scored = [i for i, stamp in enumerate(stamps) if 0.055e6 <= stamp - start <= 0.2e6]
+    assert list(plan.frames) == (scored[:-1] if protocol is PAPER else scored)
+    assert "only its frames from 0.055 s to 0.2 s are scored" in plan.remarks[0]
+    fed_from = plan.items[0].window.t_start
+    assert (fed_from - start) / 1e6 == pytest.approx(fed, abs=2e-3)
+    with pytest.raises(RecordingError, match="widen --from and --to"):
+        plan_protocol(recording, protocol, part=Part(5.0, 6.0))

@@ -28,7 +28,8 @@ TABLES = {
     "bare µs": ("# made by hand\n", "{us}\n"),
     "seconds named": ("time (s);name\n", "{s};a\n"),
     "quoted": ('"timestamp","name"\n', '"{ns}","a"\n'),
-    "our own stamps.csv": ("frame,stamp_us,start_us,num_events\n", "0,{us},0,5\n"),
+    "our own stamps.csv": ("frame,t_stop_us,t_start_us,num_events\n", "0,{us},0,5\n"),
+    "a former stamps.csv of ours": ("frame,stamp_us,start_us,num_events\n", "0,{us},0,5\n"),
 }
 
 

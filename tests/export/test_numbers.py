@@ -35,7 +35,7 @@ def test_arrays_are_those_of_the_network_in_both_containers(tmp_path, name):
     assert write_arrays(take, tmp_path / name, EVERYTHING) == 3
     found = read(tmp_path / name)
     assert found["window"].tolist() == [1, 2, 3]
-    assert found["t_stop"].tolist() == [80_000, 120_000, 160_000]
+    assert found["t_stop_us"].tolist() == [80_000, 120_000, 160_000]
     for row, moment in enumerate(take.moments(AttentionProbe())):
         assert np.array_equal(found["frames"][row], moment.frame)
         voxel = window_voxel(take.playback.model, take.recording, moment.window)

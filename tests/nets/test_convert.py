@@ -55,6 +55,10 @@ def checkpoint(tmp_path: Path, config_parser: type, request: pytest.FixtureReque
 def test_converted_weights_give_the_released_codes_frames(checkpoint: Path, size: tuple[int, int], tmp_path: Path):
     target = tmp_path / "ours.safetensors"
     assert main(["convert", str(checkpoint), str(target)]) == 0
+    written = target.read_bytes()
+    assert main(["convert", str(checkpoint), str(target), "--heads", "3"]) == 1  # what is there stays
+    assert target.read_bytes() == written
+    assert main(["convert", str(checkpoint), str(target), "--overwrite"]) == 0
     model = load_model(target)
     voxels = list(torch.randn(4, 5, *size, generator=torch.Generator().manual_seed(5)) * 2)
     expected = released_etnet.run(released_etnet.random_state(), voxels)

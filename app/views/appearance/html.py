@@ -7,7 +7,7 @@ from app.html.attention.changed import change_words, since_words
 from app.html.card import icon_button, segmented
 from app.html.elements import ON_PICK, escape
 from app.html.icons import icon
-from app.html.provenance import provenance_html
+from app.html.provenance import all_facts_html, provenance_html
 from app.state.view_state import Workspace
 from app.views.events.html import style_html
 from app.views.inspect.state import InspectState
@@ -41,8 +41,12 @@ def bar_html(page: Page) -> str:
     keys = {f"workspace:{name}": words for name, words in WORKSPACES.items()}
     switch = segmented("Workspace", keys, f"workspace:{state.workspace}")
     facts = f'<span class="et-note">{escape(page.trouble)}</span>' if page.trouble else ""
+    more = ""
     if page.moment is not None:
-        facts = provenance_html(page.moment, page.model, page.ready, page.step_milliseconds)
+        known = page.moment, page.model, page.ready, page.step_milliseconds
+        facts = provenance_html(*known)
+        info = f'<button class="etv-icon" title="All of it" aria-label="Facts of this frame">{icon("info")}</button>'
+        more = f'<span class="etv-all" data-testid="all-facts">{info}<dl>{all_facts_html(*known)}</dl></span>'
     changed = "" if state.is_public else change_chip(page)
     if page.presenting:
         changed += f'<span class="et-chip et-exact" data-testid="presenting">{escape(page.presenting)}</span>'
@@ -55,7 +59,7 @@ def bar_html(page: Page) -> str:
     )
     return (
         f'<header class="etv-bar">{mark}{_BRAND}{recordings_html(page)}{switch}{changed}'
-        f'<span class="etv-facts">{facts}</span><span class="etv-right">{tools}</span></header>'
+        f'{more}<span class="etv-facts">{facts}</span><span class="etv-right">{tools}</span></header>'
     )
 
 

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.html.moment import Moment
-from app.views.export.state import ExportFormat, StartExport, arrays_of
+from app.state.view_state import ViewState
+from app.views.compare.state import CompareState
+from app.views.export.runs import SIGHTS
+from app.views.export.state import ExportFormat, OrderedRun, StartExport, arrays_of
 from app.views.page import Page
 from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import View
@@ -49,6 +52,7 @@ def export_command(
     out: str,
     tone: Tone = "auto",
     style: EventStyle = "polarity",
+    shown: ViewState | None = None,
 ) -> str:
     """`etnet export …`, typed where the recording lies, for the windows, network and look that the page would use."""
     words = ["etnet", "export", _KINDS[wanted.format], _as_operand(line.file), "-o", out, "--model", line.model]
@@ -59,6 +63,8 @@ def export_command(
         words += [*_statement(opened.assumed), *_view(opened.view)]
     words += [] if moment.cleaning.changes_nothing else ["--filter", moment.cleaning.text]
     words += _look(wanted, query, tone, style)
+    if wanted.runs and shown is not None:
+        words += _compared(wanted, moment, line, shown.of(CompareState))
     return shlex.join(words)
 
 
@@ -126,6 +132,29 @@ def _look(wanted: StartExport, query: tuple[int, int] | None, tone: Tone, style:
         yield from ("--what", *names)
         if query is not None and "attention" in names:
             yield from ("--queries", f"{query[0]},{query[1]}")
+
+
+def _compared(wanted: StartExport, moment: Moment, line: CommandLine, compare: CompareState) -> Iterator[str]:
+    """The runs beside the first, how they are shown, and the offset between the two clocks."""
+    if wanted.runs[1:]:
+        yield "--also"
+        yield from (_run_text(each, moment, line) for each in wanted.runs[1:])
+    if SIGHTS[compare.sight] != "frames":
+        yield from ("--show", SIGHTS[compare.sight])
+    if compare.offset:
+        yield from ("--frame-offset", f"{compare.offset / 1000:g}")
+
+
+def _run_text(ordered: OrderedRun, moment: Moment, line: CommandLine) -> str:
+    """What of a run is not as the first one's; its network always."""
+    run = ordered.run
+    words = [ordered.source or line.model]
+    words += [] if run.policy is None else [f"windows={policy_text(run.policy)}"]
+    words += [] if run.cleaning is None else [f"filter={run.cleaning.text or 'none'}"]
+    words += [] if run.precision is None else [f"precision={run.precision}"]
+    if run.cold_from is not None:
+        words.append(f"cold-from={_seconds(run.cold_from - moment.recording.span.start)}")
+    return shlex.join(words)
 
 
 def _statement(stated: Assumptions) -> Iterator[str]:

@@ -7,33 +7,35 @@ steps; between two steps requests are granted.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from jaxtyping import UInt8
 
-from app.engine.downloads import LARGEST, PATIENCE, Download, plain_name
+from app.engine.downloads import LARGEST, Download, plain_name
 from app.engine.file_writer import Writer
 from app.engine.jobs import Job
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest, Ready
 from app.state.view_state import ViewState
+from app.views.compare.state import CompareState
 from app.views.events.state import EventsState
+from app.views.export.relay import Desk, Relay
+from app.views.export.runs import SIGHTS, camera_error_of
 from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order, arrays_of
-from app.views.inspect.state import NO_CHANGE, InspectState, changed_request
+from app.views.inspect.state import NO_CHANGE
 from app.views.reconstruction.state import ReconstructionState
-from etnet.errors import Cancelled, EtnetError
+from etnet.errors import EtnetError
 from etnet.files import in_megabytes
-from etnet.nets.intervention import Intervention
 from etnet.private_folder import PrivateFolder
+from etnet.stretch import windows_between
 
 if TYPE_CHECKING:
     from etnet.events.recording import Recording
+    from etnet.export.compared import Runs
     from etnet.export.take import Progress, Take
     from etnet.playback.playback import Playback
 
@@ -54,22 +56,23 @@ class ExportJob:
     def request(self) -> FrameRequest:
         """The playback that it needs."""
         order = self.order
+        if order.wanted.runs:
+            return order.wanted.runs[0].request.plain
         asked = order.recording_id, order.model_id, order.precision, order.policy, order.index
         return FrameRequest(*asked, cleaning=order.cleaning)
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Download | None, float]]:
         """One step of the network, or a moment's wait for the writer, between two yields."""
-        take = _take_of(self.order, loaded)
-        relay = cast(Any, take.playback)
+        desk = Desk()
+        take = _take_of(self.order, loaded, desk)
         with PrivateFolder("etnet-take-") as folder:
             name = file_name(take.recording.name, self.order.wanted.format)
             path = folder / name
             work = partial(_write, self.order, take, path, loaded.contract.threads)
-            writer = Writer(work, "taking away", relay.give_up)
+            writer = Writer(work, "taking away", desk.give_up)
             try:
                 while not writer.is_done:
-                    with suppress(Cancelled):  # somebody waits for a frame: it comes first, the writer's step after it
-                        relay.serve(cancelled)
+                    desk.serve(cancelled)
                     yield None, min(writer.share, 0.99)
                 writer.raise_failure()
             finally:
@@ -104,6 +107,8 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
     if order.view is not None:
         tone, style = order.view.of(ReconstructionState).tone, order.view.of(EventsState).event_image
         look = replace(look, tone=tone, event_style=style)
+        if wanted.runs:
+            look = replace(look, runs=_runs_of(order, order.view, take))
     match wanted.format:
         case "mp4":
             write_video(take, path, look, wanted.speed, progress, is_cancelled, wanted.fps)
@@ -185,82 +190,56 @@ def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Write
     write(order, take, path, progress, lambda: writer.is_stopped)
 
 
-class _Relay:
-    """A playback as a writer's thread sees it: its steps are made on the engine's thread, one at a time."""
+def _take_of(order: Order, loaded: LoadedPlayback, desk: Desk) -> Take:
+    from etnet.export.take import Beside, Take
 
-    def __init__(self, playback: Playback, loaded: LoadedPlayback | None = None, order: Order | None = None) -> None:
-        """With an `order` its steps have what was changed in the network and the events, as the page shows it."""
-        self._loaded, self._order = loaded, order
-        self.recording, self.windows, self.model = playback.recording, playback.windows, playback.model
-        self._playback = playback
-        self._asked: SimpleQueue[tuple[int, Any]] = SimpleQueue()
-        self._answers: SimpleQueue[Any] = SimpleQueue()
-        self._open: tuple[int, Any] | None = None
-
-    def __len__(self) -> int:
-        return len(self.windows)
-
-    def at(self, index: int, probe: Any = None, **_: object) -> Any:
-        """The step of a window. Called by the writer; waits for the engine."""
-        self._asked.put((index, probe))
-        answer = self._answers.get()
-        if isinstance(answer, BaseException):
-            raise answer
-        return answer
-
-    def branch(self, at: int, intervention: Intervention) -> _Relay:
-        """Itself, with a change in the steps from window `at` on. Called by the writer before it asks for any."""
-        self._playback = self._playback.branch(at, intervention)
-        return self
-
-    def serve(self, cancelled: Callable[[], bool]) -> None:
-        """Make the step that is asked for, or wait a moment for one. A step that is `Cancelled` is still owed."""
-        if self._open is None:
-            try:
-                self._open = self._asked.get(timeout=PATIENCE)
-            except Empty:
-                return
-        index, probe = self._open
-        try:
-            answer = self._step(index, probe, cancelled)
-        except Cancelled:
-            raise
-        except Exception as error:
-            answer = error
-        self._open = None
-        self._answers.put(answer)
-
-    def _step(self, index: int, probe: Any, cancelled: Callable[[], bool]) -> Any:
-        if self._loaded is None or self._order is None:
-            return self._playback.at(index, probe, cancelled=cancelled)
-        asked = replace(ExportJob(self._order).request, index=index)
-        playback, intervention = self._loaded.playing(changed_request(InspectState(change=self._order.change), asked))
-        return playback.at(index, probe, intervention, cancelled)
-
-    def give_up(self) -> None:
-        """Let a writer that waits go."""
-        self._answers.put(Cancelled("this export was cancelled"))
-
-
-def _take_of(order: Order, loaded: LoadedPlayback) -> Take:
-    from etnet.export.take import Take
-
-    num_windows = len(loaded.windows)
-    wanted = order.wanted
-    if wanted.format == "png":
-        first = last = order.index
-    else:
-        first = 0 if wanted.first is None else min(max(wanted.first, 0), num_windows - 1)
-        last = num_windows - 1 if wanted.last is None else min(max(wanted.last, first), num_windows - 1)
+    wanted, first, last = order.wanted, *_range_of(order, loaded)
     if last - first >= MOST_WINDOWS:
         raise EtnetError(
             f"{last - first + 1:,} windows are more than one page holds ({MOST_WINDOWS:,}); "
             "choose a range, or use `etnet export`"
         )
-    # A session says itself what was changed, and carries it in a branch of its own.
-    is_changed = wanted.format != "session" and order.change != NO_CHANGE
-    relay = _Relay(loaded.playback, loaded, order) if is_changed else _Relay(loaded.playback)
-    return Take(cast("Playback", relay), first, last + 1)
+    # A session says itself what was changed, and carries it in a branch of its own; a protocol changes nothing.
+    is_changed = wanted.format != "session" and not wanted.is_replayed and order.change != NO_CHANGE
+    request = ExportJob(order).request
+    relay = Relay(desk, loaded, request, order.change) if is_changed else Relay(desk, loaded)
+    beside = []
+    for run in wanted.runs[1:]:
+        assert loaded.beside is not None
+        other = loaded.beside(run.request.plain)
+        is_same_plan = run.request.playback[3:] == request.playback[3:]
+        beside.append(Beside(cast("Playback", Relay(desk, other)), is_same_plan))
+    offset = 0 if order.view is None or not wanted.runs else order.view.of(CompareState).offset
+    return Take(cast("Playback", relay), first, last + 1, tuple(beside), offset)
+
+
+def _range_of(order: Order, loaded: LoadedPlayback) -> tuple[int, int]:
+    """The first and the last window."""
+    wanted, num_windows = order.wanted, len(loaded.windows)
+    if wanted.format == "png":
+        index = ExportJob(order).request.index
+        return index, index
+    if wanted.is_replayed:
+        found = windows_between(loaded.windows, *order.marks) or range(num_windows)
+        return found.start, found.stop - 1
+    first = 0 if wanted.first is None else min(max(wanted.first, 0), num_windows - 1)
+    return first, num_windows - 1 if wanted.last is None else min(max(wanted.last, first), num_windows - 1)
+
+
+def _runs_of(order: Order, view: ViewState, take: Take) -> Runs:
+    """The names of the runs and how Compare shows them."""
+    from etnet.export.compared import Runs, title_of
+    from etnet.export.pictures import card_gamma
+
+    compare, start, titles = view.of(CompareState), take.recording.span.start, []
+    for ordered, playback in zip(
+        order.wanted.runs, (take.playback, *(run.playback for run in take.beside)), strict=True
+    ):
+        model, request = playback.model, ordered.request
+        cold_from = None if ordered.run.cold_from is None else (ordered.run.cold_from - start) / 1e6
+        titles.append(title_of(model, request.policy, request.cleaning, cold_from, card_gamma(model)))
+    numbers = tuple(ordered.number for ordered in order.wanted.runs)
+    return Runs(tuple(titles), SIGHTS[compare.sight], camera_error_of(compare, numbers), numbers)
 
 
 def file_name(name: str, format: ExportFormat) -> str:

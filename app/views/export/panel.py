@@ -11,16 +11,20 @@ from app.engine.downloads import plain_name
 from app.html.choices import SPEEDS
 from app.state.intents import FormChanged
 from app.state.view_state import Limits
+from app.views.compare.state import NAMES
 from app.views.events.state import EventsState
 from app.views.export.command import command_line_of, export_command
 from app.views.export.jobs import file_name
+from app.views.export.runs import ordered_runs
 from app.views.export.state import (
+    DRAWN,
     EXPORT_SLOT,
     RANGED,
     ArrayName,
     DropExport,
     ExportFormat,
     ExportState,
+    OrderedRun,
     Panels,
     Sheet,
     StartExport,
@@ -46,6 +50,13 @@ PANELS: dict[str, Panels] = {
     "events, reconstruction": ("events", "reconstruction"),
     "events, reconstruction, camera": ("events", "reconstruction", "camera"),
 }
+RUN_PANELS: dict[str, Panels] = {
+    "runs, camera": ("reconstruction", "camera"),
+    "runs": ("reconstruction",),
+    "events, runs, camera": ("events", "reconstruction", "camera"),
+    "events, runs": ("events", "reconstruction"),
+}
+"""In *Compare*: every run stands where the reconstruction would."""
 SHEETS: dict[str, Sheet] = {
     "voxel bins": "voxels",
     "attention maps of the pixel": "attention",
@@ -70,6 +81,7 @@ class ExportPanel(Panel):
 
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Widgets hold the choice until it is made; what is being made stands in the view."""
+        self._runs: tuple[OrderedRun, ...] = ()
         Html(gui, _LINK)
         self._format = gui.add_dropdown("Format", tuple(FORMATS))
         self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
@@ -98,6 +110,8 @@ class ExportPanel(Panel):
 
     def show_settings(self, page: Page) -> None:
         """Offer what suits the choice, and say how far it has come."""
+        self._runs = ordered_runs(page)
+        self._offer_panels(page)
         format = FORMATS.get(self._format.value, "mp4")
         is_drawn = format in MOVING or (format == "png" and self._picture.value not in SHEETS)
         is_busy = page.state.of(ExportState).order is not None
@@ -120,6 +134,15 @@ class ExportPanel(Panel):
         wanted = self._chosen()
         self._news.show(_news(page, is_made, wanted) or ("" if wanted is None else _told(page, wanted)))
 
+    def _offer_panels(self, page: Page) -> None:
+        """The runs where some are compared, and the camera where there is one."""
+        has_camera = page.moment is None or bool(page.moment.recording.ground_truth)
+        known = RUN_PANELS if self._runs else PANELS
+        offered = tuple(name for name, panels in known.items() if has_camera or "camera" not in panels)
+        for handle, options in ((self._panels, offered), (self._picture, (*offered, *SHEETS))):
+            if tuple(handle.options) != options:
+                handle.options = options
+
     @staticmethod
     def _offers(name: ArrayName, format: ExportFormat, page: Page) -> bool:
         """Whether there is such an array."""
@@ -131,13 +154,14 @@ class ExportPanel(Panel):
         format = FORMATS.get(self._format.value)
         sheet = SHEETS.get(self._picture.value, "panels") if format == "png" else "panels"
         chosen = self._picture.value if format == "png" and sheet == "panels" else self._panels.value
-        panels, speed = PANELS.get(chosen), SPEEDS.get(self._speed.value)
+        panels, speed = (RUN_PANELS if self._runs else PANELS).get(chosen), SPEEDS.get(self._speed.value)
         if format is None or panels is None or speed is None:
             return None  # no page of ours sends another word
         scale, fps = SCALES.get(self._scale.value, 1), RATES.get(self._fps.value)
         arrays: tuple[ArrayName, ...] = tuple(name for name, handle in self._arrays.items() if handle.value)
         stamps = bool(self._has_stamps.value)
-        return StartExport(format, None, None, panels, speed, stamps, scale, fps, arrays, sheet)
+        runs = self._runs if format in DRAWN and sheet == "panels" else ()
+        return StartExport(format, None, None, panels, speed, stamps, scale, fps, arrays, sheet, runs)
 
 
 def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
@@ -196,11 +220,17 @@ def _told(page: Page, wanted: StartExport) -> str:
     if moment is None or line is None:
         words = "The browser saves it. <code>etnet export</code> opens what <code>etnet simulate --video</code> makes."
         return f'<div class="et"><div class="et-note">{words}</div></div>'
+    if wanted.is_replayed:
+        words = "The browser saves it, with the windows that the protocol feeds, from its cold start."
+        return f'<div class="et"><div class="et-note">{words}</div></div>'
     name = moment.recording.name
     out = f"{plain_name(name)}_frames" if wanted.format == "png" else file_name(name, wanted.format)
     tone, style = page.state.of(ReconstructionState).tone, page.state.of(EventsState).event_image
-    command = export_command(_ranged(page, wanted), moment, line, page.state.query, out, tone, style)
+    command = export_command(_ranged(page, wanted), moment, line, page.state.query, out, tone, style, page.state)
     words = "This makes the same, of any size:"
+    if wanted.runs:
+        *others, last = [NAMES[run.number] for run in wanted.runs]
+        words = f"Runs {', '.join(others)} and {last} stand side by side, as on the stage. {words}"
     if not page.state.of(InspectState).change.is_nothing:
         words = "It has what is changed in the network; this makes the same without the change:"
     return (

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 from app.engine.downloads import Downloaded
-from app.engine.requests import Precision
+from app.engine.requests import FrameRequest, Precision
 from app.state.checks import passing
+from app.state.run import Run
 from app.state.view_state import Limits, ViewState
 from app.views.inspect.state import NO_CHANGE, Change, InspectState
 from app.views.view import Here
@@ -25,6 +26,18 @@ RANGED: tuple[ExportFormat, ...] = ("mp4", "gif", "page", "npz", "h5", "csv", "s
 Sheet = Literal["panels", "voxels", "attention", "layout"]
 """What a picture of the moment shows: panels side by side, as in a video, or what else stands in the page."""
 Panels = tuple[Literal["events", "reconstruction", "camera"], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OrderedRun:
+    """One of the runs that stand side by side in what is drawn; the first is the page's own."""
+
+    request: FrameRequest
+    run: Run = field(default_factory=Run)
+    source: str = ""
+    """What the command line calls its network."""
+    number: int = 0
+    """Its letter on the stage, 0 is A."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +63,13 @@ class StartExport:
     """Attention is that of the chosen pixel, and left out while there is none."""
     sheet: Sheet = "panels"
     """Of a picture of one moment."""
+    runs: tuple[OrderedRun, ...] = ()
+    """The runs that are compared, each with its name where the reconstruction would stand; empty for the page's own."""
+
+    @property
+    def is_replayed(self) -> bool:
+        """Whether the runs see a protocol's windows, and not the timeline's."""
+        return bool(self.runs) and self.runs[0].run.replays is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +91,8 @@ class Order:
     change: Change = NO_CHANGE
     """What was done to the network on purpose; a session holds it, if a run can (`Change.run_from`)."""
     cleaning: Cleaning = UNCLEANED
+    marks: tuple[int | None, int | None] = (None, None)
+    """The timeline's marks, µs: the range where the runs' windows are not the timeline's."""
     view: ViewState | None = None
     """How things were shown, for what is drawn; `None` for all that does not depend on it."""
 
@@ -107,7 +129,8 @@ def order_of(state: ViewState, wanted: StartExport, limits: Limits = NOTHING_KNO
     is_drawn = wanted.format in DRAWN or is_sheet
     view = replace(state.put(ExportState()), is_playing=False) if is_drawn else None
     of = state.recording_id, state.model_id, state.precision, state.policy, state.index
-    return Order(wanted, *of, state.query, state.of(InspectState).change, state.cleaning, view)
+    marks = state.mark_a, state.mark_b
+    return Order(wanted, *of, state.query, state.of(InspectState).change, state.cleaning, marks, view)
 
 
 def arrays_of(wanted: StartExport, query: tuple[int, int] | None) -> tuple[ArrayName, ...]:

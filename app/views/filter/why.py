@@ -43,13 +43,24 @@ def why_html(page: Page) -> str:
     if page.moment is None:
         return ""
     found = list(findings(page))
-    result = page.results.get(STATISTICS_SLOT)
-    is_busy = result is None or not (result.is_whole or result.trouble)
     rows = "".join(_row(finding) for finding in found)
     if not found:
-        said = "Measuring the recording …" if is_busy else "Nothing found: density, noise and warm-up suit."
+        said = (
+            "Measuring the recording …"
+            if _is_unknown(page, page.moment)
+            else "Nothing found: density, noise and warm-up suit."
+        )
         rows = f'<div class="et-note">{said}</div>'
     return f'<div class="et" data-testid="why"><h4>Why is it bad here?</h4>{rows}</div>'
+
+
+def _is_unknown(page: Page, moment: Moment) -> bool:
+    """Whether this window's frame, or what the recording is like, is still on its way."""
+    ready, result = page.ready, page.results.get(STATISTICS_SLOT)
+    if result is None or not (result.is_whole or result.trouble):
+        return True
+    is_here = ready is not None and not ready.is_former and ready.request.index == moment.index
+    return not is_here or result.job.request.playback != _playback(page)
 
 
 def _row(finding: Finding) -> str:

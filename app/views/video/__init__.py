@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.views.page import Page
 from app.views.video.jobs import film_jobs
 from app.views.video.state import VideoState
 from app.views.view import View
@@ -20,6 +21,10 @@ def _panel(client: viser.ClientHandle) -> Panel:
     return VideoPanel()
 
 
+def _is_video(page: Page) -> bool:
+    return page.video is not None
+
+
 VIEW = View(
     "video",
     "Video",
@@ -27,5 +32,6 @@ VIEW = View(
     VideoState(),
     _panel,
     settings_in=frozenset({"inspect", "recording"}),
+    suits=_is_video,
     run_jobs=film_jobs,
 )

@@ -16,7 +16,7 @@ from app.html.pictures import (
     event_picture,
     reconstruction_html,
 )
-from app.html.provenance import ModelFacts, provenance_html
+from app.html.provenance import ModelFacts, all_facts_html, provenance_html
 from app.html.units import seconds
 from app.state.view_state import ViewState
 from app.views.page import Page
@@ -140,6 +140,8 @@ def test_an_empty_window_explains_itself():
 def test_provenance_names_what_the_picture_was_made_of_and_by(moment, ready):
     facts = ModelFacts("etnet-half, first weights", (0.1, 1.0))
     page = Checker(provenance_html(moment, facts, ready, 210.0))
+    listed = Checker(f"<dl>{all_facts_html(moment, facts, ready, 210.0)}</dl>")
+    assert [tag for tag, _ in listed.tags].count("dt") == 6
     for said in (
         "50×37",
         "every 50 events",
@@ -150,6 +152,7 @@ def test_provenance_names_what_the_picture_was_made_of_and_by(moment, ready):
         "ev/px",
     ):
         assert said in page.text
+        assert said in listed.text
     assert "fewer than trained on" in page.text  # 50 events on 1850 pixels
     assert any("1 thread" in attrs.get("title", "") or "threads" in attrs.get("title", "") for _, attrs in page.tags)
     preview = replace(ready, is_exact=False, is_approximate=True, num_warm=5)

@@ -9,6 +9,7 @@ import pytest
 from app.engine.replayed import replayed_windows
 from app.session.runs import RunPlan, VisitorRuns
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
+from app.views.export.state import EXPORT_SLOT
 from etnet.events.cleaning import Cleaning
 from etnet.windows import BetweenFrames, ByDuration
 from tests.app.fakes import recording_of
@@ -188,3 +189,28 @@ def test_messages_about_runs_that_make_no_sense_change_nothing(viewer):
         await browser.until_shown("Run A: window 3")
 
     visit(viewer, story, 69)
+
+
+def test_the_runs_on_the_stage_are_what_is_exported_and_the_page_alone_elsewhere(viewer):
+    ordered = lambda: [job.order.wanted for _, slot, job in viewer.engine.jobs if slot == EXPORT_SLOT and job]  # noqa: E731
+
+    async def story(browser):
+        await open_runs(browser)
+        await press(browser, "tab:export")
+        await browser.until(lambda: browser.is_open("Export"))
+        options = lambda: browser.widgets[browser.widget("Pictures")]["options"]  # noqa: E731
+        await browser.until(lambda: "reconstruction" in options())
+        await press(browser, "compare:add")
+        await press(browser, "compare:windows:1:milliseconds:20")
+        await browser.until(lambda: list(options())[:2] == ["runs, camera", "runs"])
+        await browser.until(lambda: "windows=duration=20ms" in browser.html())
+        await browser.use(browser.widget("Export"), True)
+        await browser.until(ordered)
+        await press(browser, "workspace:inspect")
+        await press(browser, "tab:export")
+        await browser.until(lambda: "reconstruction" in options())
+
+    visit(viewer, story, 75)
+    (wanted,) = ordered()
+    assert [run.request.policy for run in wanted.runs] == [BetweenFrames(), ByDuration(20_000)]
+    assert wanted.panels == ("reconstruction", "camera")

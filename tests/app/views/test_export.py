@@ -1,6 +1,7 @@
 """What is exported through the page: the same files as the command line's, made without holding anybody up."""
 
 import asyncio
+import io
 import json
 import re
 import threading
@@ -9,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -16,28 +18,37 @@ import pytest
 from app.engine.downloads import Download
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
+from app.html.provenance import ModelFacts
+from app.state.run import Run
 from app.state.view_state import Limits, ViewState
 from app.views.attention.state import AttentionState
+from app.views.compare.state import CompareState
 from app.views.export.jobs import ExportJob, export_jobs
-from app.views.export.state import EXPORT_SLOT, DropExport, ExportState, StartExport
+from app.views.export.runs import camera_error_of, ordered_runs
+from app.views.export.state import EXPORT_SLOT, DropExport, ExportState, OrderedRun, StartExport
 from app.views.inspect.state import Change, InspectState
+from app.views.page import Page, RunFrame
 from etnet.errors import Cancelled, EtnetError
+from etnet.events.cleaning import UNCLEANED
 from etnet.events.edit import EventEdit
 from etnet.events.recording import Growth
 from etnet.export import session_file
 from etnet.export.arrays import ArraysChoice, write_arrays
+from etnet.export.compared import Runs, title_of
+from etnet.export.images import write_png
 from etnet.export.page import PageConfig, write_page
-from etnet.export.pictures import Look
+from etnet.export.pictures import Look, draw
 from etnet.export.session_file import record_session, write_session
 from etnet.export.table import write_table
-from etnet.export.take import Take
+from etnet.export.take import Beside, Take
 from etnet.export.video import write_gif, write_video
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import contract_of
-from etnet.windows import BetweenFrames
+from etnet.playback.playback import Playback
+from etnet.windows import BetweenFrames, ByDuration, ByStamps, plan_windows
 from tests.app.reducing import reduce
 from tests.app.stand_ins import Browser, served
-from tests.export.recordings_made_up import NUM_WINDOWS, made_up_take
+from tests.export.recordings_made_up import NUM_WINDOWS, made_up_model, made_up_take
 
 STATE = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames(), index=3, query=(9, 7))
 
@@ -78,6 +89,77 @@ def test_a_file_is_the_command_lines_to_the_byte(format, tmp_path):
     path = tmp_path / taken.name
     BY_HAND[format](Take(made_up_take().playback, 1, 4), path)
     assert taken.content == path.read_bytes()
+
+
+def request(policy=None, **more):
+    return FrameRequest("a", "m", "fp32", policy or BetweenFrames(), 3, **more)
+
+
+def beside_at(playbacks):
+    """The engine's playbacks, by policy."""
+    at = loaded()
+    at.beside = lambda request: SimpleNamespace(playback=playbacks[request.policy], windows=None, contract=at.contract)
+    return at
+
+
+@pytest.mark.parametrize("format", ["mp4", "gif", "png"])
+@pytest.mark.parametrize(("sight", "shown", "camera_error"), [
+    ("side by side", "frames", None), ("swipe", "frames", None), ("difference", "difference", 0),
+    ("error", "error", None),
+])  # fmt: skip
+def test_compared_runs_are_exported_side_by_side_as_the_command_line_does(tmp_path, format, sight, shown, camera_error):
+    policy, take = ByDuration(16_000), made_up_take()
+    other = Playback(made_up_model(), take.recording, plan_windows(take.recording, policy))
+    runs = OrderedRun(request()), OrderedRun(request(policy), Run(policy=policy), number=1)
+    state = STATE.put(CompareState(sight=sight, offset=500))
+    wanted = StartExport(format, 1, 3, ("reconstruction", "camera"), 0.5, runs=runs)
+    taken = made(ExportJob(reduce(state, wanted, Limits()).of(ExportState).order), beside_at({policy: other}))
+    titles = (title_of(take.playback.model, BetweenFrames(), UNCLEANED, None, 1.0),
+              title_of(other.model, policy, UNCLEANED, None, 1.0))  # fmt: skip
+    look = Look(("reconstruction", "camera"), runs=Runs(titles, shown, camera_error))
+    first, last = (3, 4) if format == "png" else (1, 4)
+    compared = Take(take.playback, first, last, (Beside(other),), 500)
+    path = tmp_path / taken.name
+    match format:
+        case "mp4":
+            write_video(compared, path, look, 0.5)
+        case "gif":
+            write_gif(compared, path, look, 0.5)
+        case "png":
+            write_png(path, draw(next(compared.moments()), look, NUM_WINDOWS))
+    assert taken.content == path.read_bytes()
+
+
+def test_a_protocols_runs_are_exported_over_its_own_windows_between_the_marks():
+    take = made_up_take()
+    stops = tuple(window.t_stop for window in take.playback.windows)
+    replayed = request(ByStamps(stops), cold_at=1)
+    state = replace(STATE, mark_a=stops[0], mark_b=stops[2])
+    wanted = StartExport("gif", runs=(OrderedRun(replayed, Run(replays="paper")),))
+    order = reduce(state, wanted, Limits(windows=take.playback.windows)).of(ExportState).order
+    at = SimpleNamespace(playback=take.playback, windows=take.playback.windows, contract=loaded().contract)
+    job = ExportJob(order)
+    assert job.request.playback == replayed.playback
+    content = made(job, at).content
+    with av.open(io.BytesIO(content)) as film:
+        assert film.streams.video[0].frames == 2
+
+
+def test_what_compare_shows_is_what_is_ordered_and_elsewhere_the_page_alone():
+    runs = tuple(
+        RunFrame(number, Run(), asked, None, 5, ModelFacts("n", source="etnet-half"), 20, trouble=trouble)
+        for number, (asked, trouble) in enumerate([(request(), ""), (request(ByDuration(5)), ""), (None, "no frames")])
+    )
+    page = Page(replace(STATE, workspace="compare"), runs=runs)
+    assert [run.request for run in ordered_runs(page)] == [request(), request(ByDuration(5))]
+    apart = replace(page, runs=(runs[0], replace(runs[2], number=1), replace(runs[1], number=2)))
+    assert [run.number for run in ordered_runs(apart)] == [0, 2]
+    assert camera_error_of(CompareState(camera="C"), (0, 2)) == 1
+    assert camera_error_of(CompareState(camera="B"), (0, 2)) is None
+    assert ordered_runs(replace(page, runs=runs[:1])) == ()
+    assert ordered_runs(replace(page, state=STATE)) == ()
+    protocol = page.state.put(CompareState(replays=True))
+    assert len(ordered_runs(replace(page, state=protocol, runs=runs[:1]))) == 1
 
 
 def test_arrays_hold_the_frames_of_the_plain_run(tmp_path):

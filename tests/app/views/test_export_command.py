@@ -7,12 +7,18 @@ from pathlib import Path
 import pytest
 import tyro
 
+from app.engine.requests import FrameRequest
 from app.html.moment import Moment
+from app.state.run import Run
+from app.state.view_state import ViewState
+from app.views.compare.state import CompareState
 from app.views.export.command import CommandLine, export_command, policy_text
-from app.views.export.state import StartExport
+from app.views.export.state import OrderedRun, StartExport
 from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, chosen_range, parse_range
 from etnet.cli.policy import parse_policy
+from etnet.cli.runs import RunOptions, parse_run
 from etnet.events.assumptions import Assumptions
+from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.opened_as import OpenedAs, View
 from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
 from tests.export.recordings_made_up import NUM_WINDOWS, made_up_recording
@@ -60,6 +66,26 @@ def test_a_picture_is_one_window_and_numbers_name_their_arrays():
     assert isinstance(arrays, Arrays)
     assert (arrays.what, arrays.queries) == (("frames", "attention", "states"), ("9,7",))
     assert parsed(StartExport("npz"), moment()).what == ("frames", "voxels")
+
+
+def test_the_runs_beside_are_in_the_command_with_what_makes_them_differ():
+    at, ask = moment(), lambda **more: FrameRequest("a", "m", "fp32", WINDOWS, 3, **more)
+    start = at.recording.span.start
+    runs = (
+        OrderedRun(ask(), source="etnet-half"),
+        OrderedRun(ask(), Run(model_id="x", cold_from=start + 1_250_000), "my nets/x.pth"),
+        OrderedRun(ask(), Run(policy=ByCount(300), cleaning=Cleaning(True, 5_000), precision="bf16"), "etnet-half"),
+        OrderedRun(ask(), Run(cleaning=UNCLEANED), "etnet-half"),
+    )
+    shown = ViewState().put(CompareState(sight="difference", offset=-2_500))
+    words = shlex.split(export_command(StartExport("mp4", runs=runs), at, RUN, None, "out", shown=shown))
+    got = tyro.cli(Export, args=words[2:])
+    assert [parse_run(text) for text in got.also] == [
+        RunOptions("my nets/x.pth", cold_from=1.25),
+        RunOptions("etnet-half", "count=300", "hot,5ms", "bf16"),
+        RunOptions("etnet-half", filter="none"),
+    ]
+    assert (got.show, got.frame_offset) == ("difference", -2.5)
 
 
 def test_what_was_stated_of_a_file_and_how_it_is_seen_is_stated_again():

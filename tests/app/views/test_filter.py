@@ -165,3 +165,22 @@ def test_statistics_of_another_filter_say_nothing():
     results = {STATISTICS_SLOT: JobResult(job, Fitness(hot=(HotPixel(1, 1, 99),)), 1.0, is_whole=True)}
     assert not [each for each in findings(page_of(opened, policy, 3, ready, results)) if each.name == "hot"]
     assert set(filter_jobs(ViewState(), request)) == {STATISTICS_SLOT}
+
+
+def test_nothing_is_called_sound_before_this_frame_and_this_recording_are_known():
+    opened, policy = recording(), ByCount(400)
+    request = FrameRequest("a", "m", "fp32", policy, 3)
+    ready = Ready(request, np.zeros((30, 40), np.float32), None, 1.0, True, False, False, CONTRACT, 3)
+    known = {STATISTICS_SLOT: JobResult(StatisticsJob(replace(request, index=0)), Fitness(), 1.0, is_whole=True)}
+    other = StatisticsJob(replace(request, index=0, cleaning=Cleaning(True)))
+    of_another = {STATISTICS_SLOT: JobResult(other, Fitness(), 1.0, is_whole=True)}
+    assert "Nothing found" in why_html(page_of(opened, policy, 3, ready, known))
+    for shown, results in (
+        (ready, of_another),
+        (None, known),
+        (replace(ready, is_former=True), known),
+        (replace(ready, request=replace(request, index=2)), known),
+    ):
+        html = why_html(page_of(opened, policy, 3, shown, results))
+        assert "Nothing found" not in html
+        assert "Measuring" in html

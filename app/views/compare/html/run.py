@@ -17,11 +17,11 @@ from app.views.compare.state import NAMES, CompareState
 from app.views.page import Page, RunFrame
 from app.views.reconstruction.state import tones_in
 from etnet.events.cleaning import Cleaning
+from etnet.render.colours import RUNS, hexadecimal
 from etnet.windows import Window
 
-COLOURS = ("#ffffff", "#b9b0f5", "#f2e24e", "#5fd6b8")
-"""Of curves and marks, in the order of `NAMES`: apart from each other, and from polarity, for every common colour
-blindness."""
+COLOURS = tuple(hexadecimal(colour) for colour in RUNS)
+"""Of curves and marks, in the order of `NAMES`."""
 SAME_TIME = 1_000
 """µs that window and camera frame may differ before the difference is called one (EVREAL's bound)."""
 

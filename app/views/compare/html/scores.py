@@ -198,8 +198,8 @@ def _words(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
     if late:
         apart = max(float(np.abs(each.lags).max()) for each in series if len(each.lags)) / 1000
         said.append(
-            f"{count(late)} frames lie more than 1 ms from their camera frame (up to {short(apart)} ms): "
-            "motion between counts as error there."
+            f"{'1 frame lies' if late == 1 else f'{count(late)} frames lie'} more than 1 ms from the camera’s "
+            f"(up to {short(apart)} ms): motion between counts as error there."
         )
     if any(each.is_sparse for each in series):
         said.append("A long recording: only windows whose frames exist are scored; play it to score more.")

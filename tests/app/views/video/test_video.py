@@ -1,5 +1,6 @@
 """The tab of a video: a setting is another film of it, and the reconstruction is held against its frames."""
 
+import asyncio
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -19,7 +20,7 @@ from app.views.video.html import choices_html, film_html, no_video_html, strip_h
 from app.views.video.jobs import SLOT, STRIDE, FilmScores, ScoreFilm, film_jobs
 from etnet.windows import BetweenFrames, plan_windows
 from tests.app.checked_html import Checker
-from tests.app.stand_ins import recording
+from tests.app.stand_ins import Browser, recording, served
 
 SETTING = FilmSetting(0.35, 1.5, 50, 160)
 STATE = ViewState(recording_id="v~0.20~0.20~0~320", model_id="m", precision="fp32", policy=BetweenFrames(), index=2)
@@ -55,6 +56,27 @@ def test_how_far_the_film_is_made_is_one_line():
     assert "A second of video takes 1.5 s of work here" in html
     assert "the last 9.0 s take about 14 s more" in html
     assert "all of its 12.0 s are there" in film_html(VideoShown(SETTING, 12.0, 12.0, 1.5, True))
+
+
+def test_the_tab_is_there_for_a_video_alone():
+    async def story(viewer, browser):
+        await browser.until_shown("Reconstruction of window 0")
+        listed = lambda: {key for key in Checker(browser.html()).keys if key.startswith("tab:")}  # noqa: E731
+        assert {"tab:export", "tab:filter"} <= listed()
+        assert "tab:video" not in listed()
+        await browser.use(browser.widget("channel"), "pick|tab:video|0|0|1")  # as an old link does
+        await browser.until(lambda: "tab:video" in listed())
+        await browser.until_shown("No video is open")
+
+    async def run():
+        with served() as viewer:
+            async with Browser.open(viewer.port, tab=3) as browser:
+                await story(viewer, browser)
+
+    asyncio.run(run())
+    film = VideoShown(SETTING, done=3.0, total=12.0, work=1.5, is_over=False)
+    assert not VIEW.suits(Page(STATE))
+    assert VIEW.suits(Page(STATE, video=film))
 
 
 def test_without_a_video_it_says_how_one_gets_here():
