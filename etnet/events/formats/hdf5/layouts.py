@@ -6,6 +6,8 @@ MVSEC: daniilidis-group.github.io/mvsec/download.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 
@@ -20,7 +22,9 @@ from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, sa
 from etnet.events.formats.hdf5.frames import numbered_frames, stack_without_stamps, stacked_frames, stacked_pair
 from etnet.events.formats.hdf5.metavision import open_metavision
 from etnet.events.formats.hdf5.tree import attributes_of, check_columns, outline, tree_of
+from etnet.events.formats.hdf5.triggers import triggers_beside
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.events.provenance import provenance_of
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _DAVIS346 = Sensor(346, 260)
@@ -50,20 +54,30 @@ def _has(file: h5py.File, path: str, request: Request) -> bool:
 def _open(request: Request) -> Opened:
     file = open_file(request)
     with contained(request.name, "HDF5"):
-        if any(_has(file, f"davis/{side}/events", request) for side in ("left", "right")):
-            return _open_mvsec(request, file)
-        if _has(file, "CD/events", request):
+        if _has(file, "CD/events", request) and not _is_mvsec(request, file):
             return open_metavision(request, file)
-        for paths in _EVENT_UTILS:
-            if all(_has(file, path, request) for path in paths):
-                return _open_event_utils(request, file, paths)
-        return _open_found(request, file)
+        opened = _open_columns(request, file)
+        remarks = Remarks(list(opened.remarks))
+        triggers = triggers_beside(file, request.name, remarks)
+        made = provenance_of(attributes_of(file, "", request.name))
+        return replace(opened, remarks=tuple(remarks.kept), triggers=triggers, provenance=made)
+
+
+def _is_mvsec(request: Request, file: h5py.File) -> bool:
+    return any(_has(file, f"davis/{side}/events", request) for side in ("left", "right"))
+
+
+def _open_columns(request: Request, file: h5py.File) -> Opened:
+    if _is_mvsec(request, file):
+        return _open_mvsec(request, file)
+    for paths in _EVENT_UTILS:
+        if all(_has(file, path, request) for path in paths):
+            return _open_event_utils(request, file, paths)
+    return _open_found(request, file)
 
 
 def _open_event_utils(request: Request, file: h5py.File, paths: tuple[str, str, str, str]) -> Opened:
     remarks = Remarks()
-    if isinstance(made := file.attrs.get("simulation"), str):
-        remarks.detected(f"{str(file.attrs.get('source', 'simulated'))[:200]}, with {made[:1000]}")
     x, y, t, p = columns(file, paths, request.name)
     check_columns(file, set(paths), request.name)
     stated_count = file.attrs.get("num_events")
@@ -159,8 +173,9 @@ def _open_mvsec(request: Request, file: h5py.File) -> Opened:
         most = request.assume.max_pixels
         pair = f"{where}/image_raw", f"{where}/image_raw_ts"
         frames = found_frames(lambda: stacked_frames(file, *pair, name, most), name, remarks)
-    declared = frames.size if frames is not None else _DAVIS346
-    if frames is None and request.assume.sensor is None:
+    stated = sensor_resolution(file.attrs.get("sensor_resolution"), name)
+    declared = stated or (frames.size if frames is not None else _DAVIS346)
+    if frames is None and stated is None and request.assume.sensor is None:
         remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")
     say_unread(file, f"{where}/imu", "samples of motion", name, remarks)
     rows = Rows(table, 4)
