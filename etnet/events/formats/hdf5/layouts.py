@@ -87,9 +87,9 @@ def _open_event_utils(request: Request, file: h5py.File, paths: tuple[str, str, 
     table = Table(
         "event_utils HDF5",
         {"x": x, "y": y, "t": t, "p": p},
-        _size(request, file, tree, "events"),
+        size_in(request, file, tree, "events"),
         usual="s" if t.dtype.kind == "f" else None,
-        frames=_frames(request, file, tree, remarks),
+        frames=frames_in(request, file, tree, remarks),
     )
     return open_table(request, table, remarks)
 
@@ -107,17 +107,17 @@ def _open_found(request: Request, file: h5py.File) -> Opened:
         remarks.assumed(f"the four columns of {found.where} are {', '.join(found.order)}, judged by their values")
     check_columns(file, set(found.paths), request.name)
     is_dsec = _has(file, "ms_to_idx", request)
-    offset = _offset(file, request) if _has(file, "t_offset", request) else 0
+    offset = offset_in(file, request) if _has(file, "t_offset", request) else 0
     kind = "DSEC HDF5" if is_dsec else _kind(found, file, request)
     if kind == "DSEC HDF5":
         remarks.kept = [remark for remark in remarks.kept if remark.text != "events are in events"]
     table = Table(
         kind,
         found.columns,
-        _size(request, file, tree, found.where),
+        size_in(request, file, tree, found.where),
         settled="us" if is_dsec else found.unit,
         offset=offset,
-        frames=_frames(request, file, tree, remarks),
+        frames=frames_in(request, file, tree, remarks),
     )
     return open_table(request, table, remarks)
 
@@ -128,7 +128,8 @@ def _kind(found: Found, file: h5py.File, request: Request) -> str:
     return "HDF5 table" if found.order else "HDF5 columns"
 
 
-def _offset(file: h5py.File, request: Request) -> int:
+def offset_in(file: h5py.File, request: Request) -> int:
+    """DSEC's t_offset, µs."""
     stored = dataset(file, "t_offset", request.name, ndim=None)
     value = np.asarray(stored[()]).ravel() if stored.size == 1 else np.empty(0)
     if value.size != 1 or value.dtype.kind not in "iu" or abs(int(value[0])) >= 2**61:
@@ -136,7 +137,8 @@ def _offset(file: h5py.File, request: Request) -> int:
     return int(value[0])
 
 
-def _size(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
+def size_in(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
+    """The size of the sensor, where the file states it."""
     stated = sensor_resolution(file.attrs.get("sensor_resolution"), request.name)
     if stated is not None:
         return stated
@@ -144,7 +146,8 @@ def _size(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor |
     return size_beside(tree, where, attributes, request.name)
 
 
-def _frames(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:
+def frames_in(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:
+    """The pictures, numbered or in one stack; what cannot be shown is said."""
     most, name = request.assume.max_pixels, request.name
     numbered = found_frames(lambda: numbered_frames(file, name, most, remarks), name, remarks)
     pair = stacked_pair(tree) if numbered is None else None
