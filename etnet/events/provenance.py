@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+ATTRIBUTES = ("source", "simulation", "settings", "remarks")
+"""The names by which files keep it. `settings` is what our data sets for training have in place of `simulation`."""
 _LONGEST = 60_000
 _UNPRINTABLE = re.compile("[^\\t\\x20-\\x7e\\xa0-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]+")
 
@@ -34,11 +36,8 @@ class Provenance:
 
 
 def provenance_of(attributes: Mapping[str, Any]) -> Provenance | None:
-    """What a file's attributes tell of its making; None where they tell no parameters.
-
-    `settings` is what our data sets for training have in place of `simulation`.
-    """
-    texts = {name: _text(attributes.get(name)) for name in ("source", "simulation", "settings", "remarks")}
+    """What a file's attributes tell of its making; None where they tell no parameters."""
+    texts = {name: _text(attributes.get(name)) for name in ATTRIBUTES}
     parameters = texts["simulation"] or texts["settings"]
     if not parameters or not _is_json(parameters):
         return None

@@ -26,7 +26,7 @@ from etnet.events.formats.frame_range import is_colours_first
 from etnet.events.formats.frames import Frames, check_frames, found_frames
 from etnet.events.formats.metadata import metadata_of, metadata_size
 from etnet.events.formats.open_columns import Table, open_table
-from etnet.events.provenance import provenance_of
+from etnet.events.provenance import ATTRIBUTES, provenance_of
 
 _BOX_FIELDS = {"w", "h", "class_id"}
 _LONGEST_TEXT = 1 << 20
@@ -83,7 +83,7 @@ def _open_npz(request: Request) -> Opened:
         tree = leaves_of(store, request.members, request, mapped)
         found = found_in(tree, "an npz", request.name, remarks)
         declared = size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name)
-        made = {name: _short_text(tree[name]) for name in ("source", "simulation", "remarks") if name in tree}
+        made = {name: _short_text(tree[name]) for name in ATTRIBUTES if name in tree}
     opened = open_table(request, Table("npz columns", found.columns, declared, settled=found.unit), remarks)
     return replace(opened, provenance=provenance_of(made))
 

@@ -24,7 +24,7 @@ from etnet.events.formats.hdf5.metavision import open_metavision
 from etnet.events.formats.hdf5.tree import attributes_of, check_columns, outline, tree_of
 from etnet.events.formats.hdf5.triggers import triggers_beside
 from etnet.events.formats.open_columns import Table, open_table
-from etnet.events.provenance import provenance_of
+from etnet.events.provenance import ATTRIBUTES, provenance_of
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _DAVIS346 = Sensor(346, 260)
@@ -59,7 +59,8 @@ def _open(request: Request) -> Opened:
         opened = _open_columns(request, file)
         remarks = Remarks(list(opened.remarks))
         triggers = triggers_beside(file, request.name, remarks)
-        made = provenance_of(attributes_of(file, "", request.name))
+        # No other attribute is read for it: what cannot be read must not cost the recording.
+        made = provenance_of({name: file.attrs[name] for name in ATTRIBUTES if name in file.attrs})
         return replace(opened, remarks=tuple(remarks.kept), triggers=triggers, provenance=made)
 
 
