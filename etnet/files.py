@@ -70,8 +70,12 @@ def working_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def replace_folder(made: Path, path: Path) -> None:
+def replace_folder(made: Path, path: Path, flushes: bool = False) -> None:
     """Put a whole folder in the place of another one, or of none; both lie on one disk."""
+    if flushes:
+        for file in made.rglob("*"):
+            if file.is_file():
+                _flush(file)
     former = _beside(path, "")
     if path.exists():
         os.replace(path, former)

@@ -22,10 +22,9 @@ from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, Recording
 from etnet.live.buffer import Keep
 from etnet.live.recording import LiveRecording
+from etnet.live.simulated import SimulatedSensor
 from etnet.live.webcam import PushedFrames
-from etnet.simulation.streaming import EventSimulator
 from etnet.simulation.video import VideoConfig
-from etnet.simulation.walk import Stepping
 
 SENSOR = Sensor(160, 120)
 """What runs live on two cores."""
@@ -39,7 +38,6 @@ PATIENCE = 10.0
 FORGETS = 2.0
 """Seconds after its end for which a mirror's recording can still be read: the page is just leaving it."""
 KEEP = Keep(LONGEST + 20, 128 << 20)
-GAMMA = 2.2
 LEAST, MOST = 0.06, 0.6
 """Contrast threshold at the two ends of the slider."""
 MOST_NOISE = 3.0
@@ -56,7 +54,7 @@ class MirrorSensor:
         self._lock = Lock()
         self._wanted = (0.15, 0.2)
         self._made: tuple[float, float] | None = None
-        self._simulator: EventSimulator | None = None
+        self._sensor: SimulatedSensor | None = None
 
     def set(self, sensitivity: float, noise: float) -> None:
         """`sensitivity` 0 … 1: from few events to many; `noise` as `VideoConfig` has it."""
@@ -69,18 +67,16 @@ class MirrorSensor:
         """The events between the frame before and this one; none at the first under another setting."""
         with self._lock:
             wanted = self._wanted
-        if self._simulator is None or wanted != self._made:
+        if self._sensor is None or wanted != self._made:
             self.close()
-            traits = VideoConfig(*wanted).traits
-            self._simulator = EventSimulator(traits, Stepping(most_steps=8, finds_cuts=False), threads=1)
-            self._made = wanted
-        return self._simulator.feed((grey.astype(np.float32) / 255) ** np.float32(GAMMA), t)
+            self._sensor, self._made = SimulatedSensor(VideoConfig(*wanted)), wanted
+        return self._sensor.expose(grey, t)
 
     def close(self) -> None:
         """End the simulator."""
-        if self._simulator is not None:
-            self._simulator.close()
-            self._simulator = None
+        if self._sensor is not None:
+            self._sensor.close()
+            self._sensor = None
 
 
 class Mirror:

@@ -11,6 +11,7 @@ import contextlib
 import os
 import re
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from threading import Event, RLock, Semaphore
 from typing import TYPE_CHECKING
+from weakref import WeakSet
 
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.recording import Recording
@@ -44,6 +46,8 @@ BANDWIDTHS = (0, 200, 100, 50, 20, 10)
 SIDES = (120, 160, 240, 320, 480)
 """Pixels of the longer side."""
 _SETTING = re.compile(r"^(.*)~(\d\.\d\d)~(\d\.\d\d)~(\d{1,3})~(\d{3})$")
+_ENDS_WITHIN = 2.0
+"""Seconds that the end of the viewer waits for simulations; they look between two frames whether they are wanted."""
 _LOW_PRIORITY = 10
 
 
@@ -126,6 +130,7 @@ class Videos:
         self._lock = RLock()
         self._turns = Semaphore(AT_ONCE)
         self._num_made = 0
+        self._threads: WeakSet[threading.Thread] = WeakSet()
 
     def stream(self, recording_id: str, wait: Callable[[Callable[[], bool]], Recording]) -> None:
         """Let what a camera sees be opened by an id: `wait` gives it once there is enough to show."""
@@ -201,11 +206,17 @@ class Videos:
             self._drop(key)
 
     def close(self) -> None:
-        """End all simulations and remove what they made."""
+        """End all simulations and remove what they made.
+
+        Those of the last moment are waited for: a thread that is at work in a library ends the interpreter badly.
+        """
         with self._lock:
             keys = list(self._films)
         for key in keys:
             self._drop(key)
+        ends = time.monotonic() + _ENDS_WITHIN
+        for thread in list(self._threads):
+            thread.join(max(0.0, ends - time.monotonic()))
         with self._lock:
             folder, self._folder = self._folder, None
         if folder is not None:
@@ -227,7 +238,9 @@ class Videos:
         beginning = self._beginning(video_id, setting.side)
         film = _Film(GrowingVideo(video, path, config, name, opened=opened, beginning=beginning), path)
         self._films[recording_id] = film
-        threading.Thread(target=self._make, args=(film,), daemon=True, name="film").start()
+        thread = threading.Thread(target=self._make, args=(film,), daemon=True, name="film")
+        self._threads.add(thread)
+        thread.start()
         return film
 
     def _beginning(self, video_id: str, side: int) -> Beginning:

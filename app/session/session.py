@@ -116,8 +116,7 @@ class Session:
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
         self._booth.listen(self._mail.put)
-        self._thread: int | None = None
-        """The identity of the visitor's thread, once it runs."""
+        self._own_thread: int | None = None
         THREADS.start(self._run, self._visitor)
 
     def close(self) -> None:
@@ -132,7 +131,7 @@ class Session:
     # ---- the visitor's own thread ----
 
     def _run(self) -> None:
-        self._thread = threading.get_ident()
+        self._own_thread = threading.get_ident()
         try:
             self._serve()
         finally:
@@ -185,10 +184,7 @@ class Session:
                 self._hovers_at = seconds
             case HandedOver(arrived):
                 self._known.forget()
-                if arrived:
-                    self._answer(Touched())
-                    self._has_asked = self._is_known = True
-                    self._open_handed(arrived)
+                self._open_handed(arrived)
             case MirrorNews():
                 self._answer(Touched())
                 self._reduce(*self._booth.heard(item, self._default.recording_id))
@@ -232,7 +228,11 @@ class Session:
         self._is_dirty = True
 
     def _open_handed(self, recording_id: str) -> None:
-        """A file has come: a recording is opened, a session is followed."""
+        """A file has come, unless the id is "": a recording is opened, a session is followed."""
+        if not recording_id:
+            return
+        self._answer(Touched())
+        self._has_asked = self._is_known = True
         try:
             state = self._follow_session(recording_id)
         except EtnetError as error:
@@ -387,7 +387,7 @@ class Session:
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
-        if threading.get_ident() == self._thread:
+        if threading.get_ident() == self._own_thread:
             self._answers.take(reply)
         else:
             self._mail.put(reply)

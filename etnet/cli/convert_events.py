@@ -1,4 +1,4 @@
-"""`etnet convert-events IN OUT`: a recording of any format becomes event_utils, DSEC, AEDAT4, EVT3, CSV or npz."""
+"""`etnet convert-events IN OUT`: a recording of any format in another one."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from etnet.events.write import Layout
 class ConvertEvents:
     """Write a recording in another format, with its frames where that has frames. The file appears whole or not at all.
 
-    The format follows from the suffix: .h5 and .hdf5 event_utils, .aedat4, .raw EVT3, .csv, .npz. What it cannot hold
-    is said.
+    The format follows from the suffix: .h5 and .hdf5 event_utils, .aedat4, .raw EVT3, .es Event Stream, .txt RPG's "t
+    x y p", .csv, .npz; --layout dsec, mvsec and rpg (a folder with the pictures) must be said. What it cannot hold is
+    said.
     """
 
     source: tyro.conf.Positional[Path]
     """A recording: a file, a folder or a zip."""
     target: tyro.conf.Positional[Path]
-    """The file to write."""
+    """The file to write, or the folder."""
     layout: Layout | None = None
-    """The format, where the suffix is another one or could mean two (DSEC ends in .h5 too)."""
+    """The format, where the suffix is another one or could mean others (DSEC and MVSEC end in .h5 too)."""
     overwrite: bool = False
     """Replace the target if it is there."""
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)

@@ -29,7 +29,7 @@ class Cut:
     end: Annotated[float | None, tyro.conf.arg(name="to")] = None
     """Seconds since the first event; an event at this time is out. Default: the end."""
     layout: Layout | None = None
-    """The format, where the suffix is another one or could mean two (DSEC ends in .h5 too)."""
+    """The format, where the suffix is another one or could mean others (DSEC and MVSEC end in .h5 too)."""
     overwrite: bool = False
     """Replace the target if it is there."""
     opening: Annotated[Opening, tyro.conf.arg(name="")] = field(default_factory=Opening)

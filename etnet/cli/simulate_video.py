@@ -16,7 +16,8 @@ from rich.table import Table
 from etnet.cli.progress import console, fraction_callback
 from etnet.errors import EtnetError
 from etnet.events.open import open_recording
-from etnet.events.write import Layout, layout_of, write_recording
+from etnet.events.write import WITHOUT_PROVENANCE, Layout, check_place, layout_of, write_recording
+from etnet.files import write_atomically
 from etnet.simulation.camera_path import PhotoInMotion
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Footage, Framing
@@ -96,6 +97,19 @@ class Filming:
         size = camera_named(self.camera).size if self.camera else None
         return Framing(self.side, size, self.region, self.rotate, self.begin, self.end, self.speed)
 
+    def attributes(self, fps: float | None, seconds: float) -> dict[str, str | int | float]:
+        """What else was asked for, as a file keeps it."""
+        moves = {"motion": self.motion, "reach": self.reach, "seconds": seconds} if self.motion else {}
+        named = {
+            "camera": self.camera,
+            "like": None if self.like is None else self.like.name,
+            "fps": fps,
+            "stamps": None if self.stamps is None else self.stamps.name,
+            "interpolator": None if self.interpolator is None else self.interpolator.name,
+            **moves,
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
     def config(self, seed: int, twin: PixelSettings | None) -> VideoConfig:
         """The settings of the simulation; `twin` is what was measured of a recording."""
         exposure = self.exposure_ms * 1000
@@ -124,14 +138,13 @@ class Filming:
 def run_video(filming: Filming, out: Path, seed: int, fps: float | None, seconds: float) -> int:
     """Do it; returns the exit code."""
     # What cannot be written is refused before the work, not after it.
-    layout_of(out, filming.layout)
+    layout = layout_of(out, filming.layout)
     config = filming.config(seed, None)
-    if out.exists() and not filming.overwrite:
-        raise EtnetError(f"{out}: is there already; give another name, or --overwrite")
+    check_place(out, layout, filming.overwrite)
     twin = None if filming.like is None else _measured(filming.like)
     config = config if twin is None else filming.config(seed, twin.pixels)
     out.resolve().parent.mkdir(parents=True, exist_ok=True)
-    attributes = {} if filming.like is None else {"like": filming.like.name}
+    attributes = filming.attributes(fps, seconds)
     with closing(_footage(filming, config, fps, seconds)) as footage:
         written = _write(filming, footage, out, config, attributes)
     for remark in written.remarks:
@@ -159,9 +172,9 @@ def _footage(filming: Filming, config: VideoConfig, fps: float | None, seconds: 
 def _write(
     filming: Filming, footage: Footage, out: Path, config: VideoConfig, attributes: Mapping[str, str | int | float]
 ) -> Written:
-    is_ours = filming.layout in (None, "event_utils") and out.suffix.lower() in (".h5", ".hdf5")
+    layout = layout_of(out, filming.layout)
     with fraction_callback(f"watching {footage.name}") as progress:
-        if is_ours:
+        if layout == "event_utils":
             return simulate_footage(footage, out, config, progress, attributes=attributes)
         with TemporaryDirectory(prefix="etnet-simulate-", dir=out.resolve().parent) as folder:
             made = Path(folder) / f"{out.stem}.h5"
@@ -169,11 +182,17 @@ def _write(
             if written.num_events == 0:
                 raise EtnetError(f"{footage.name}: {written.remarks[-1]}")
             with open_recording(made) as recording, fraction_callback(f"writing {out.name}") as told:
-                said = write_recording(recording, out, filming.layout, overwrite=True, progress=told)
+                said = write_recording(recording, out, layout, overwrite=True, progress=told)
+    kept = () if layout not in WITHOUT_PROVENANCE else (_keep_beside(footage, out, config, attributes),)
+    return written._replace(remarks=(*written.remarks, *(remark.text for remark in said), *kept))
+
+
+def _keep_beside(footage: Footage, out: Path, config: VideoConfig, attributes: Mapping[str, str | int | float]) -> str:
+    """The parameters in a file beside one that has no place for them."""
     parameters = out.with_name(out.name + ".json")
-    parameters.write_text(json.dumps({"source": footage.name, **config.as_attributes, **attributes}, indent=1) + "\n")
-    kept = f"the parameters stand in {parameters.name}"
-    return written._replace(remarks=(*written.remarks, *(remark.text for remark in said), kept))
+    known = {"source": footage.name, **config.as_attributes, **attributes, "remarks": footage.remarks}
+    write_atomically(parameters, (json.dumps(known, indent=1) + "\n").encode())
+    return f"the parameters stand in {parameters.name}"
 
 
 def _measured(path: Path) -> Twin:

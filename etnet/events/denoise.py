@@ -56,6 +56,7 @@ def cleaned(recording: Recording, cleaning: Cleaning, *, closes: bool = False) -
         recording.inertial,
         recording.triggers,
         None if recording.opened_as is None else replace(recording.opened_as, cleaning=cleaning),
+        provenance=recording.provenance,
     )
 
 

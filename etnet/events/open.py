@@ -80,11 +80,12 @@ def open_recording(
         source=_OwningSource(opened.source, kept),
         sensor=opened.sensor,
         span=opened.span,
-        remarks=opened.remarks + _stated_polarity(assume) + _unused_unit(assume, opened) + advice,
+        remarks=_made(opened) + opened.remarks + _stated_polarity(assume) + _unused_unit(assume, opened) + advice,
         ground_truth=opened.ground_truth,
         path=path,
         inertial=opened.inertial,
         triggers=opened.triggers,
+        provenance=opened.provenance,
         opened_as=OpenedAs(assume, view),
         growth=opened.growth,
     )
@@ -103,6 +104,11 @@ def _advice(found: Opened) -> tuple[Remark, ...]:
     told = any(remark.kind == "advice" and "--time-unit" in remark.text for remark in found.remarks)
     advice = advice_on(found.source, found.sensor, found.span, found.ground_truth)
     return tuple(remark for remark in advice if not (told and "--time-unit" in remark.text))
+
+
+def _made(opened: Opened) -> tuple[Remark, ...]:
+    sentences = () if opened.provenance is None else opened.provenance.sentences
+    return tuple(Remark("detected", sentence) for sentence in sentences)
 
 
 def _stated_polarity(assume: Assumptions) -> tuple[Remark, ...]:

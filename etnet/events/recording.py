@@ -15,6 +15,7 @@ from jaxtyping import Float32, Int64
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.opened_as import OpenedAs
+from etnet.events.provenance import Provenance
 from etnet.events.triggers import Triggers
 
 INDEX_BLOCK = 65_536
@@ -60,6 +61,8 @@ class GroundTruth:
     read_flow: Callable[[int], Float32[np.ndarray, "2 h w"]] | None = None
     white: float = 255.0
     """The number that white was in the file: 255, or more where its pictures are finer than 8 bits."""
+    read_colour: Callable[[int], Float32[np.ndarray, "h w 3"]] | None = None
+    """Where the pictures have colours: blue, green, red of frame i in 0 … 1."""
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -171,6 +174,8 @@ class Recording:
 
     It has all events before the stamp of its last frame.
     """
+    provenance: Provenance | None = None
+    """How it was simulated, where the file tells."""
     _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)

@@ -24,6 +24,9 @@ CAMERAS = ("davis346", "dvxplorer", "evk3-hd", "evk4", "vga", "triton")
 """Kinds of cameras that the driver knows."""
 KINDS = f"camera, {', '.join(CAMERAS)} (each with :SERIAL), stdin, tcp:PORT, udp:PORT, webcam[:NUMBER], or a recording"
 
+WEBCAM_SIDE = 240
+"""Pixels of a webcam's longer side: what one busy core simulates at 30 frames a second."""
+
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
@@ -73,7 +76,7 @@ def open_source(
         from etnet.live.webcam import Webcam
         from etnet.simulation.video import VideoConfig
 
-        return Webcam(int(rest or 0), VideoConfig(contrast=options.contrast))
+        return Webcam(int(rest or 0), VideoConfig(contrast=options.contrast, longest_side=WEBCAM_SIDE))
     if kind in ("camera", *CAMERAS):
         return CameraSource(None if kind == "camera" else kind, rest or None)
     if Path(text).exists():

@@ -99,7 +99,7 @@ class Webcam(PushedFrames):
         height, width = picture.shape[:2]
         scale = min(1.0, config.longest_side / max(width, height))
         sensor = Sensor(max(8, round(width * scale)), max(8, round(height * scale)))
-        super().__init__(f"webcam {number}", sensor, SimulatedSensor(sensor, config))
+        super().__init__(f"webcam {number}", sensor, SimulatedSensor(config))
         self._began = time.monotonic()
         self._thread = threading.Thread(target=self._film, name=self.name, daemon=True)
         self._thread.start()

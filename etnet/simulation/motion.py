@@ -33,18 +33,17 @@ Guide = UInt8[np.ndarray, "h w"]
 @dataclass(frozen=True, slots=True)
 class Search:
     """How flow is looked for: the finest scale (0 is full size), patches and their distance there, sweeps that refine
-    it at each scale."""
+    it at each scale, steps by which one patch is fitted."""
 
     finest: int
     patch: int
     stride: int
     sweeps: int
+    descents: int
 
 
-SEARCHES = ((10_000, Search(0, 8, 3, 8)), (120_000, Search(1, 12, 3, 12)), (10**9, Search(1, 12, 6, 5)))
+SEARCHES = ((10_000, Search(0, 8, 3, 8, 8)), (120_000, Search(1, 10, 4, 8, 5)), (10**9, Search(1, 12, 6, 5, 8)))
 """By the pixels of a picture up to which each is taken: what costs least for its error (`docs/simulation.md`)."""
-_DESCENTS = 8
-"""Steps by which one patch is fitted."""
 
 
 @runtime_checkable
@@ -134,7 +133,7 @@ def flow_between(first: Guide, second: Guide) -> Flow:
     finder.setPatchSize(search.patch)
     finder.setPatchStride(search.stride)
     finder.setVariationalRefinementIterations(search.sweeps)
-    finder.setGradientDescentIterations(_DESCENTS)
+    finder.setGradientDescentIterations(search.descents)
     return finder.calc(first, second, None)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
@@ -153,13 +152,17 @@ def is_cut(between: Between, guides: tuple[Guide, Guide]) -> bool:
 
 
 def _checked(there: Flow, back: Flow) -> Checked:
-    """The flow with its trust: near 1 where going there and back ends where it began."""
+    """The flow with its trust: near 1 where going there and back ends where it began.
+
+    There both flows measure one motion, so the mean of the two is taken, whose error is smaller than that of either.
+    """
     height, width = there.shape[:2]
     returned = cv2.remap(back, _grid(height, width) + there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
     missed = there + returned
     slack = cv2.magnitude(there[..., 0], there[..., 1]) * np.float32(_SLACK_SHARE) + np.float32(_SLACK)
     ratio = cv2.magnitude(missed[..., 0], missed[..., 1]) / slack
-    return Checked(there, cv2.exp(-ratio * ratio))
+    trust = cv2.exp(-ratio * ratio)
+    return Checked(there - missed * (np.float32(0.5) * trust)[..., None], trust)
 
 
 def _believed(trust0: Level, trust1: Level) -> Level:
@@ -168,12 +171,11 @@ def _believed(trust0: Level, trust1: Level) -> Level:
 
 
 def _places(checked: Checked, share: float) -> tuple[Flow, Level]:
-    """Where each pixel of the moment between comes from, and how far that is believed. Two steps of a fixed point."""
+    """Where each pixel of the moment between comes from, and how far that is believed. One step of a fixed point."""
     grid, flow = _grid(*checked.trust.shape), checked.flow
     place = cv2.addWeighted(grid, 1.0, flow, share, 0)
-    for _ in range(2):
-        found = cv2.remap(flow, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
-        place = cv2.addWeighted(grid, 1.0, found, share, 0)
+    found = cv2.remap(flow, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+    place = cv2.addWeighted(grid, 1.0, found, share, 0)
     trust = cv2.remap(checked.trust, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
     return place, trust
 

@@ -160,10 +160,12 @@ class PixelArray:
             has_k = count >= k
             pixel_k, share = pixel[has_k], (k * step[has_k] - already[has_k]) / rise[has_k]
             t = self._t + np.clip(share, 0.0, 1.0) * elapsed
-            is_ready = t - self._last[pixel_k] >= self._traits.refractory_us
-            pixels.append(pixel_k[is_ready])
-            stamps.append(t[is_ready])
-            self._last[pixels[-1]] = stamps[-1]
+            if self._traits.refractory_us > 0:
+                is_ready = t - self._last[pixel_k] >= self._traits.refractory_us
+                pixel_k, t = pixel_k[is_ready], t[is_ready]
+                self._last[pixel_k] = t
+            pixels.append(pixel_k)
+            stamps.append(t)
         reference[pixel] += (p * count * step).astype(np.float32)
         where = np.concatenate(pixels) if pixels else np.empty(0, np.int64)
         when = np.concatenate(stamps) if stamps else np.empty(0)
@@ -193,7 +195,22 @@ def events_of(crossings: list[Crossings], sensor: Sensor) -> Events:
     if not crossings:
         return Events.empty(sensor)
     pixel, t, p = (np.concatenate(column) for column in zip(*crossings, strict=True))
-    order = np.argsort(t, kind="stable")
-    pixel = pixel[order]
-    y, x = np.divmod(pixel, sensor.width)
-    return Events(x.astype(np.uint16), y.astype(np.uint16), np.floor(t[order]).astype(np.int64), p[order], sensor)
+    stamps = np.floor(t).astype(np.int64)
+    order = _order_of(stamps)
+    y, x = np.divmod(pixel[order].astype(np.uint32), np.uint32(sensor.width))
+    return Events(x.astype(np.uint16), y.astype(np.uint16), stamps[order], p[order], sensor)
+
+
+def _order_of(stamps: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " n"]:
+    """Indices that put stamps in order; equal ones stay as they are.
+
+    By 16 bits at a time, which numpy sorts in a fifth of the time that it takes for whole numbers.
+    """
+    if len(stamps) == 0:
+        return np.empty(0, np.int64)
+    later = stamps - stamps.min()
+    order = np.argsort((later & 0xFFFF).astype(np.uint16), kind="stable")
+    for shift in range(16, int(later.max()).bit_length(), 16):
+        digit = (later[order] >> shift & 0xFFFF).astype(np.uint16)
+        order = order[np.argsort(digit, kind="stable")]
+    return order

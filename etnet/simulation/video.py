@@ -15,7 +15,7 @@ from jaxtyping import Float32, Shaped
 
 from etnet.errors import Cancelled, RecordingError
 from etnet.events.formats.hdf5.writing import hdf5_to_write
-from etnet.files import check_target, replacing
+from etnet.files import check_target, printable, replacing
 from etnet.simulation.beginning import Beginning
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Footage, Frame, Framing
@@ -120,7 +120,18 @@ class VideoConfig:
         """How it was made, under names that a file keeps."""
         pixels = self.as_pixels
         seen = self.seen
+        framed = {
+            "side": seen.longest_side if seen.size is None else 0,
+            "size": "" if seen.size is None else f"{seen.size[0]} {seen.size[1]}",
+            "crop": "" if seen.crop is None else " ".join(map(str, seen.crop)),
+            "rotate": seen.rotate,
+            "start": seen.start,
+            "stop": seen.stop or 0.0,
+            "drops_repeats": self.drops_repeats,
+        }
         return {
+            **{name: value for name, value in framed.items() if value},
+            "gamma": self.gamma,
             **pixels.as_attributes,
             "contrast": self.contrast if self.pixels is None else (pixels.pos_thres * pixels.neg_thres) ** 0.5,
             "noise": self.noise if self.pixels is None else -1.0,
@@ -218,12 +229,12 @@ def simulated(
         sink.append(simulator.finish())
         traits = config.traits
         footage.remarks += simulator.account.sentences(min(traits.threshold_on, traits.threshold_off))
+    known = {**config.as_attributes, **(attributes or {})}
     sink.finish(
         {
-            "source": f"simulated from {footage.name}",
-            "simulation": json.dumps(config.as_attributes),
-            **config.as_attributes,
-            **(attributes or {}),
+            **known,
+            "source": f"simulated from {printable(footage.name)}",
+            "simulation": json.dumps(known),
             "remarks": "; ".join(footage.remarks),
         }
     )

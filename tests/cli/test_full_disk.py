@@ -61,11 +61,25 @@ def test_exports(tmp_path, sample, capsys, kind, name, num_bytes, more):
     assert left == []
 
 
-@pytest.mark.parametrize("name", ["c.h5", "c.aedat4", "c.raw", "c.csv", "c.npz"])
-def test_conversions(tmp_path, sample, capsys, name):
-    out = tmp_path / "out" / name
-    assert refused(["convert-events", sample, out], out, capsys, 4_000) == []
-    assert refused(["cut", sample, out.parent / "again" / name], out.parent / "again" / name, capsys, 4_000) == []
+@pytest.mark.parametrize(
+    ("name", "layout"),
+    [
+        ("c.h5", "event_utils"),
+        ("c.h5", "dsec"),
+        ("c.h5", "mvsec"),
+        ("c.aedat4", "aedat4"),
+        ("c.raw", "evt3"),
+        ("c.es", "es"),
+        ("c.txt", "text"),
+        ("c", "rpg"),
+        ("c.csv", "csv"),
+        ("c.npz", "npz"),
+    ],
+)
+def test_conversions(tmp_path, sample, capsys, name, layout):
+    out, again = tmp_path / "out" / name, tmp_path / "out" / "again" / name
+    assert refused(["convert-events", sample, out, "--layout", layout], out, capsys, 4_000) == []
+    assert refused(["cut", sample, again, "--layout", layout], again, capsys, 4_000) == []
 
 
 @pytest.mark.parametrize("name", ["r.h5", "r.aedat4"])

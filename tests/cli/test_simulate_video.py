@@ -8,6 +8,7 @@ import pytest
 
 from etnet.cli.main import main
 from etnet.events.open import open_recording
+from etnet.events.write import WITHOUT_PROVENANCE
 from tests.simulation.films import drifting, write_film
 
 
@@ -20,24 +21,72 @@ def done(*words) -> int:
     return main(["simulate", *map(str, words)])
 
 
-@pytest.mark.parametrize("name", ["a.h5", "a.aedat4", "a.raw", "a.csv", "a.npz", "dsec.h5"])
-def test_every_format_that_we_write_holds_the_same_events(film, tmp_path, name):
+TARGETS = {
+    "event_utils": "a.h5",
+    "dsec": "dsec.h5",
+    "mvsec": "mvsec.hdf5",
+    "aedat4": "a.aedat4",
+    "evt3": "a.raw",
+    "es": "a.es",
+    "text": "a.txt",
+    "rpg": "folder",
+    "csv": "a.csv",
+    "npz": "a.npz",
+}
+
+
+@pytest.mark.parametrize("layout", TARGETS)
+def test_every_format_that_we_write_holds_the_same_events(film, tmp_path, layout, capsys):
+    out = tmp_path / TARGETS[layout]
     assert done(tmp_path / "ours.h5", "--video", film) == 0
-    extra = ["--layout", "dsec"] if name == "dsec.h5" else []
-    assert done(tmp_path / name, "--video", film, *extra) == 0
-    with open_recording(tmp_path / "ours.h5") as ours, open_recording(tmp_path / name) as other:
+    assert done(out, "--video", film, "--layout", layout) == 0
+    with open_recording(tmp_path / "ours.h5") as ours, open_recording(out) as other:
         assert ours.num_events == other.num_events > 1000
         one, two = ours.read(0, ours.num_events), other.read(0, other.num_events)
         assert np.array_equal(one.t - one.t[0], two.t - two.t[0])
         assert np.array_equal(np.sort(one.x), np.sort(two.x))
-    if name != "a.h5":
-        assert json.loads((tmp_path / f"{name}.json").read_text())["pos_thres"] == 0.2
+        if layout in ("event_utils", "mvsec", "aedat4", "rpg"):
+            assert np.array_equal(ours.ground_truth.stamps, other.ground_truth.stamps)
+            assert np.array_equal(ours.ground_truth.read_frame(3), other.ground_truth.read_frame(3))
     assert not [path for path in tmp_path.iterdir() if path.name.startswith("etnet-simulate")]
+    beside = tmp_path / f"{out.name}.json"
+    assert beside.exists() == (layout in WITHOUT_PROVENANCE)
+    if beside.exists():
+        assert json.loads(beside.read_text())["pos_thres"] == 0.2
+        return
+    capsys.readouterr()
+    assert main(["inspect", str(out)]) == 0
+    told = capsys.readouterr().out
+    assert "simulated from drift" in told
+    assert '"pos_thres": 0.2' in told
+
+
+def test_all_that_was_asked_for_is_told_by_inspect(film, tmp_path, capsys):
+    asked = ["--region", 4, 2, 56, 40, "--rotate", 90, "--from", 0.05, "--gamma", 1.8, "--camera", "davis240c"]
+    assert done(tmp_path / "a.aedat4", "--video", film, *asked, "--drop-repeats", "--colour") == 0
+    capsys.readouterr()
+    assert main(["inspect", str(tmp_path / "a.aedat4"), "--json"]) == 0
+    told = " ".join(json.loads(capsys.readouterr().out)["remarks"])
+    for part in ('"crop": "4 2 56 40"', '"rotate": 90', '"start": 0.05', '"gamma": 1.8', '"camera": "davis240c"'):
+        assert part in told
+    assert '"drops_repeats": true' in told
+    with open_recording(tmp_path / "a.aedat4") as recording:
+        assert recording.ground_truth.read_colour is not None
+
+
+def test_what_was_said_while_it_was_simulated_is_told_by_inspect(tmp_path, capsys):
+    still = write_film(tmp_path / "repeats.mp4", [picture for picture in drifting(5, 2.0) for _ in range(2)])
+    assert done(tmp_path / "a.npz", "--video", still) == 0
+    said = [line.strip() for line in capsys.readouterr().err.splitlines() if "repeat" in line]
+    assert said
+    assert main(["inspect", str(tmp_path / "a.npz"), "--json"]) == 0
+    told = " ".join(json.loads(capsys.readouterr().out)["remarks"])
+    assert said[0] in told
 
 
 def test_a_format_that_we_do_not_write_is_refused_before_the_work(tmp_path, capsys):
-    assert done(tmp_path / "a.txt", "--video", tmp_path / "is not even looked for.mp4") == 1
-    assert 'no layout is known for ".txt"; name one of' in capsys.readouterr().err
+    assert done(tmp_path / "a.xyz", "--video", tmp_path / "is not even looked for.mp4") == 1
+    assert 'no layout is known for ".xyz"; name one of' in capsys.readouterr().err
 
 
 def test_a_cameras_size_and_single_parameters_are_taken(film, tmp_path, capsys):
@@ -48,7 +97,7 @@ def test_a_cameras_size_and_single_parameters_are_taken(film, tmp_path, capsys):
         told = " ".join(remark.text for remark in recording.remarks)
     assert '"pos_thres": 0.11' in told
     assert '"cutoff_hz": 100.0' in told
-    assert done(out, "--video", film, "--camera", "nonsense") == 1
+    assert done(tmp_path / "b.h5", "--video", film, "--camera", "nonsense") == 1
     assert "choose from DAVIS240C" in capsys.readouterr().err
 
 

@@ -46,6 +46,31 @@ def test_events_of_a_film_are_nearly_those_of_the_scene(speed, has_disc, aim):
     assert sum(map(len, found)) == pytest.approx(sum(map(len, true)), rel=0.1)
 
 
+def test_a_small_slow_scene_with_occlusion_stays_within_its_aim():
+    scene = KnownScene(1.7, True, (160, 120))
+    assert voxel_error(scene.simulated(AUTO), scene.true_events) < 0.36
+
+
+def test_the_mean_of_two_flows_that_agree_errs_less_than_either():
+    scene = KnownScene(4.0, num_frames=2)
+    guides = tuple(guide_of(light) for light in lights(scene))
+    levels = tuple(np.log(light + np.float32(0.01)) for light in lights(scene))
+    there, back = flow_between(*guides), flow_between(*guides[::-1])
+    between = motion_between(*levels, guides, (there, back))
+    seen = between.forward.trust > 0.9
+
+    def error(flow):
+        """How little of the second picture the first one shows where the flow leads."""
+        height, width = levels[0].shape
+        grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), 2).astype(np.float32)
+        shown = cv2.remap(levels[1], grid + flow, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        return float(np.abs(shown - levels[0])[seen].mean())
+
+    assert error(between.forward.flow) < error(there)
+    # Each is moved towards the other by half of what they miss each other by.
+    assert np.abs(between.forward.flow - there).max() <= 0.5 * np.abs(there).max()
+
+
 def test_the_number_of_threads_changes_nothing():
     scene, before = KnownScene(4.0, True, (96, 72), num_frames=4), cv2.getNumThreads()
     found = []

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from etnet.events.events import Sensor
 from etnet.simulation.config import SensorConfig
-from etnet.simulation.sensor import PixelArray, SensorTraits, draw_noise, draw_traits, events_of
+from etnet.simulation.sensor import Crossings, PixelArray, SensorTraits, draw_noise, draw_traits, events_of
 
 SHAPE = (9, 12)
 
@@ -133,3 +133,13 @@ def test_a_config_that_cannot_be_is_refused_at_birth():
         SensorConfig(threshold=(1.0, 0.5))
     with pytest.raises(ValueError, match="threshold_core_share"):
         SensorConfig(threshold_core_share=1.5)
+
+
+@given(st.lists(st.integers(-(2**61), 2**61) | st.integers(-5, 5) | st.integers(65_000, 66_000), max_size=60))
+def test_events_of_equal_stamps_stay_in_their_order(stamps):
+    column = np.array(stamps, np.float64)
+    crossings = Crossings(np.arange(len(stamps)), column, np.ones(len(stamps), np.int8))
+    events = events_of([crossings], Sensor(256, 1))
+    order = np.argsort(np.floor(column).astype(np.int64), kind="stable")
+    assert events.t.tolist() == sorted(np.floor(column).astype(np.int64).tolist())
+    assert events.x.tolist() == order.tolist()

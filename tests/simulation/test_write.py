@@ -98,3 +98,9 @@ def test_a_dataset_goes_on_where_it_stopped_and_refuses_other_settings(tmp_path)
     whole[0].write_bytes(b"broken")
     with pytest.raises(RecordingError, match="not a readable HDF5"):
         write_dataset(tmp_path / "whole", POOL, CONFIG, 3, seed=5)
+
+
+def test_a_recording_of_a_dataset_tells_its_settings_when_it_is_opened(tmp_path):
+    (path,) = write_dataset(tmp_path, POOL, CONFIG, 1, seed=5)
+    with open_recording(path) as recording:
+        assert any('"seed": 5' in remark.text and '"num_windows": 6' in remark.text for remark in recording.remarks)

@@ -17,8 +17,11 @@ _LARGEST_HEADER = 1 << 24
 _DESCRIPTION = 2
 
 
-def check_header(path: Path) -> None:
-    """Raises RecordingError if the header is not whole, or its description is no plain XML in UTF-8."""
+def check_header(path: Path) -> dict[str, str]:
+    """The attributes of the streams' description, by their keys, the first of each.
+
+    Raises RecordingError if the header is not whole, or its description is no plain XML in UTF-8.
+    """
     with path.open("rb") as file:
         file.seek(_VERSION_LINE)
         prefix = file.read(4)
@@ -32,11 +35,15 @@ def check_header(path: Path) -> None:
         text = _description(header).decode("utf-8")
         if "<!" in text:
             raise ValueError("it declares entities")
-        ElementTree.fromstring(text)
+        tree = ElementTree.fromstring(text)
     except (ValueError, struct.error, ElementTree.ParseError) as slip:
         raise RecordingError(
             f"{path.name}: its AEDAT4 header cannot be read ({slip}); the file is truncated or damaged"
         ) from slip
+    found: dict[str, str] = {}
+    for attribute in tree.iter("attr"):
+        found.setdefault(attribute.get("key", ""), attribute.text or "")
+    return found
 
 
 def _description(header: bytes) -> bytes:

@@ -11,6 +11,7 @@ from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import Assumptions, Progress
 from etnet.events.cache import Scratch
 from etnet.events.events import Sensor
+from etnet.events.provenance import Provenance
 from etnet.events.recording import EventSource, GroundTruth, Growth, Inertial, Remark, Span
 from etnet.events.triggers import Triggers
 
@@ -54,6 +55,7 @@ class Opened:
     inertial: Inertial | None = None
     growth: Growth | None = None
     triggers: Triggers | None = None
+    provenance: Provenance | None = None
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,11 @@ def in_order(stamps: np.ndarray, truth: GroundTruth, remarks: Remarks) -> Ground
         return truth
     order = np.argsort(stamps, kind="stable")
     remarks.repaired("frames were not in the order of their stamps and were sorted")
-    read_flow = truth.read_flow
+    read_flow, read_colour = truth.read_flow, truth.read_colour
     return GroundTruth(
         stamps[order],
         lambda i: truth.read_frame(int(order[i])),
         None if read_flow is None else lambda i: read_flow(int(order[i])),
         truth.white,
+        None if read_colour is None else lambda i: read_colour(int(order[i])),
     )

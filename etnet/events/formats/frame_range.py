@@ -61,6 +61,18 @@ def is_colours_first(shape: tuple[int, ...]) -> bool:
     return len(shape) == 3 and shape[0] in (1, 3, 4) and shape[2] > 4
 
 
+def colour_picture(
+    picture: Shaped[np.ndarray, ...], black: float, white: float, where: str, is_bgr: bool
+) -> Float32[np.ndarray, "h w 3"]:
+    """One picture as blue, green, red in 0 … 1; one without colours has three equal ones."""
+    if picture.ndim == 2 or picture.shape[2] < 3:
+        grey_values = grey_picture(picture, black, white, where, is_bgr)
+        return np.repeat(grey_values[..., None], 3, 2)
+    colours = picture[..., :3] if is_bgr else picture[..., 2::-1]
+    flat = (colours.astype(np.float32) - np.float32(black)) / np.float32(white - black)
+    return np.nan_to_num(np.clip(flat, 0, 1), nan=0.0)
+
+
 def grey_picture(
     picture: Shaped[np.ndarray, ...], black: float, white: float, where: str, is_bgr: bool
 ) -> Float32[np.ndarray, "h w"]:

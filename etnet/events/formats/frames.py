@@ -19,7 +19,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, contained
 from etnet.events.formats.camera_frames import in_order
 from etnet.events.formats.columns import LARGEST_STAMP, stamps_in_microseconds
-from etnet.events.formats.frame_range import grey_picture, judged_range, with_colours_last
+from etnet.events.formats.frame_range import colour_picture, grey_picture, judged_range, with_colours_last
 from etnet.events.formats.time_unit import PER_SECOND, UNITS
 from etnet.events.recording import GroundTruth, Span
 
@@ -97,9 +97,17 @@ def _truth(frames: Frames, span: Span, stated: TimeUnit | None, name: str, remar
         is_bgr = frames.is_bgr if isinstance(frames.is_bgr, bool) else frames.is_bgr(index)
         return grey_picture(picture, black, white, f"{name}: frame {index}", is_bgr)
 
+    def read_colour(index: int) -> Float32[np.ndarray, "h w 3"]:
+        picture = read_raw(index)
+        is_bgr = frames.is_bgr if isinstance(frames.is_bgr, bool) else frames.is_bgr(index)
+        return colour_picture(picture, black, white, f"{name}: frame {index}", is_bgr)
+
     read_frame(0)
+    first = read_raw(0)
+    has_colour = first.ndim == 3 and first.shape[2] >= 3
     read_flow = None if frames.flow is None else frames.flow(unit, stamps)
-    return in_order(stamps, GroundTruth(stamps, read_frame, read_flow, white), remarks)
+    truth = GroundTruth(stamps, read_frame, read_flow, white, read_colour if has_colour else None)
+    return in_order(stamps, truth, remarks)
 
 
 def _unit(frames: Frames, span: Span, stated: TimeUnit | None, name: str, remarks: Remarks) -> TimeUnit:

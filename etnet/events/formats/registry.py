@@ -6,10 +6,10 @@ from etnet.errors import RecordingError
 from etnet.events.formats.aedat.aedat2 import AEDAT2
 from etnet.events.formats.aedat.aedat3 import AEDAT3
 from etnet.events.formats.aedat.aedat4 import AEDAT4
-from etnet.events.formats.arrays.chunks import CHUNKS
 from etnet.events.formats.arrays.matlab import MATLAB_V5, MATLAB_V73
 from etnet.events.formats.arrays.npy import EVREAL, NPY, NPZ
 from etnet.events.formats.base import Format, Opened, Request, contained
+from etnet.events.formats.chunks import CHUNKS
 from etnet.events.formats.companions import folder_formats
 from etnet.events.formats.compressed import packed_formats
 from etnet.events.formats.event_stream import EVENT_STREAM

@@ -1,5 +1,6 @@
 """Videos as recordings: one simulation for each setting, made while somebody looks, and in nobody's way."""
 
+import threading
 import time
 
 import pytest
@@ -92,6 +93,16 @@ def test_another_setting_ends_the_simulation_before_it(videos, tmp_path, monkeyp
     assert videos.forgotten == ["v"]
     with pytest.raises(EtnetError):
         videos.open("v")
+
+
+def test_no_simulation_goes_on_when_the_viewer_has_ended(tmp_path):
+    path = write(tmp_path / "long.mp4", drifting(240, 2.0))
+    kept = Videos()
+    kept.begin("one", "a", path, "long")
+    kept.open("a")
+    assert any(thread.name == "film" for thread in threading.enumerate())
+    kept.close()
+    assert not any(thread.name == "film" for thread in threading.enumerate())
 
 
 def test_of_whole_simulations_that_nobody_looks_at_a_few_are_kept(videos, video):  # noqa: F811

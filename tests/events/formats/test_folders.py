@@ -44,6 +44,90 @@ def test_numbered_pieces_are_one_recording_in_the_order_of_their_numbers(form, c
         assert f"{count} numbered files in the folder are one recording" in said(recording)
 
 
+def save_piece(path, part, first=0):
+    """One piece as its suffix says, in a layout that people have."""
+    x, y, t, p = EVENTS.x[part], EVENTS.y[part], EVENTS.t[part], (EVENTS.p[part] > 0).astype("u1")
+    path.parent.mkdir(exist_ok=True)
+    if path.suffix == ".csv":
+        path.write_text("x,y,t,p\n" + "".join(f"{a},{b},{c},{d}\n" for a, b, c, d in zip(x, y, t, p, strict=True)))
+    elif path.suffix == ".txt":
+        rows = zip(t / 1e6, x, y, p, strict=True)
+        path.write_text("".join(f"{t:.6f} {x} {y} {p}\n" for t, x, y, p in rows))
+    else:
+        with h5py.File(path, "w") as file:
+            file["events/x"], file["events/y"], file["events/p"] = x, y, p
+            if path.suffix == ".hdf5":  # as DSEC: each from 0 on
+                file["events/t"], file["t_offset"] = (t - t[0]).astype("u4"), np.int64(t[0])
+                file["ms_to_idx"] = np.zeros(1, "u8")
+            else:
+                file["events/t"] = t
+            file.attrs["sensor_resolution"] = [12, 20]
+            for i in range(2):
+                image = file.create_dataset(f"images/image{i:09d}", data=np.full((12, 20), first + i, "u1"))
+                image.attrs["timestamp"] = int(t[0]) + i
+
+
+PARTS = np.array_split(np.arange(len(EVENTS)), 12)
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5", ".csv", ".txt"])
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_numbered_pieces_of_any_container_are_one_recording(suffix, is_packed, tmp_path):
+    for number, part in enumerate(PARTS):
+        save_piece(tmp_path / "seq" / f"events_{number}{suffix}", part, 10 * number)
+    path = tmp_path / "seq"
+    if is_packed:
+        path = tmp_path / "seq.zip"
+        with zipfile.ZipFile(path, "w") as archive:
+            for piece in (tmp_path / "seq").iterdir():
+                archive.write(piece, f"seq/{piece.name}")
+    with open_recording(path, assume=SIZE) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+        np.testing.assert_array_equal(all_events(recording).t, EVENTS.t)
+        assert "12 numbered files" in said(recording)
+        if suffix in (".csv", ".txt"):
+            return
+        if is_packed:
+            assert "24 pictures in the pieces are not shown" in said(recording)
+            return
+        truth = recording.ground_truth
+        assert truth.stamps.tolist() == [int(EVENTS.t[part[0]]) + i for part in PARTS for i in range(2)]
+        assert [round(float(truth.read_frame(i)[0, 0]) * 255) for i in (0, 1, 22, 23)] == [0, 1, 110, 111]
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".csv"])
+def test_numbered_files_of_one_time_are_several_recordings(suffix, tmp_path):
+    for number in range(3):
+        save_piece(tmp_path / f"run_{number}{suffix}", np.arange(len(EVENTS)))
+    with pytest.raises(RecordingError, match=r"holds run_0.*run_1.*name one of them"):
+        open_recording(tmp_path)
+
+
+def test_numbered_cameras_are_no_pieces(tmp_path):
+    for number, part in enumerate(np.array_split(np.arange(len(EVENTS)), 2)):
+        save_piece(tmp_path / f"cam{number}.h5", part)
+    with pytest.raises(RecordingError, match=r"holds cam0\.h5, cam1\.h5; name one of them"):
+        open_recording(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".csv"])
+def test_a_piece_of_another_kind_is_named(suffix, tmp_path):
+    for number, part in enumerate(PARTS[:3]):
+        save_piece(tmp_path / f"events_{number}{suffix}", part)
+    odd = tmp_path / f"events_3{suffix}"
+    odd.write_text("a,b\n1,2\n") if suffix == ".csv" else h5py.File(odd, "w").close()
+    with pytest.raises(RecordingError, match=r"events_3\.(h5|csv) has other columns"):
+        open_recording(tmp_path)
+
+
+def test_pieces_whose_numbers_need_more_bytes_later_lose_none(tmp_path):
+    for number, (pixel, kind) in enumerate(((200, "u1"), (300, "u2"))):
+        columns = {"x": np.full(9, pixel, kind), "y": np.full(9, 7, kind), "p": np.ones(9, "u1")}
+        np.savez(tmp_path / f"{number}.npz", **columns, t=100 * number + np.arange(9))
+    with open_recording(tmp_path) as recording:
+        assert all_events(recording).x.tolist() == [200] * 9 + [300] * 9
+
+
 def test_pieces_in_nanoseconds_are_judged_as_a_whole(tmp_path):
     rng = np.random.default_rng(0)
     (tmp_path / "events").mkdir()

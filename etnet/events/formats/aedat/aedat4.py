@@ -20,6 +20,7 @@ from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.imu import InertialTable
 from etnet.events.formats.packets import Packets
 from etnet.events.formats.trigger_table import TriggerTable
+from etnet.events.provenance import provenance_of
 from etnet.events.recording import GroundTruth, Span
 
 _ROUGH_BYTES_PER_EVENT = 6
@@ -42,7 +43,7 @@ class _Others:
 
 def _open(request: Request) -> Opened:
     remarks = Remarks()
-    check_header(request.path)
+    described = check_header(request.path)
     with contained(request.name, "AEDAT4"):
         decoder = aedat.Decoder(request.path)
         streams: dict[int, dict[str, Any]] = decoder.id_to_stream()
@@ -63,11 +64,19 @@ def _open(request: Request) -> Opened:
     if packets.break_off is not None:
         remarks.repaired(packets.break_off)
     _say(others, collected.source.num_events, remarks)
-    truth, inertial = _truth(others, collected.span, request.name, remarks), others.motion.inertial(remarks)
+    truth = _truth(others, collected.span, request.name, remarks, described.get("white", ""))
+    inertial = others.motion.inertial(remarks)
     triggers = others.triggers.triggers(remarks)
-    kept = tuple(remarks.kept)
     return Opened(
-        "AEDAT4", collected.source, collected.sensor, collected.span, kept, truth, inertial, triggers=triggers
+        "AEDAT4",
+        collected.source,
+        collected.sensor,
+        collected.span,
+        tuple(remarks.kept),
+        truth,
+        inertial,
+        triggers=triggers,
+        provenance=provenance_of(described),
     )
 
 
@@ -128,11 +137,13 @@ def _keep_frame(frame: dict[str, Any], others: _Others) -> None:
     others.stamps.append(int(frame["t"]))
 
 
-def _truth(others: _Others, span: Span, name: str, remarks: Remarks) -> GroundTruth | None:
+def _truth(others: _Others, span: Span, name: str, remarks: Remarks, white: str) -> GroundTruth | None:
+    """`white`: what our own files say of it, for 16 bits may hold dark frames or those of fewer bits."""
     if others.first is None or len(others.frames) == 0:
         return None
     stamps, size = np.array(others.stamps, np.int64), Sensor(others.first.shape[1], others.first.shape[0])
-    return attached(Frames(stamps, "us", others.frames.__getitem__, size), span, "us", name, remarks)
+    stated = float(white) if white in ("255", "65535") else None
+    return attached(Frames(stamps, "us", others.frames.__getitem__, size, white=stated), span, "us", name, remarks)
 
 
 def _say(others: _Others, num_events: int, remarks: Remarks) -> None:

@@ -6,27 +6,30 @@ EVIMO2: better-flow/evimo (dataset_events_t in s, dataset_events_xy, dataset_eve
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
-from etnet.events.formats.archive import FolderStore, Store, ZipStore, read_small
+from etnet.events.formats.archive import FolderStore, Store, ZipStore
 from etnet.events.formats.arrays.leaves import MAGIC, PICKLED, header_of, is_pickled, leaves_of, load_foreign, mapped
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.bounds import ANY_PIXELS, check_pixels, declared_sensor
+from etnet.events.formats.bounds import check_pixels
 from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events, rank_of
 from etnet.events.formats.column_names import column_keys
 from etnet.events.formats.declared_size import size_beside
 from etnet.events.formats.foreign import listed
 from etnet.events.formats.frame_range import is_colours_first
 from etnet.events.formats.frames import Frames, check_frames, found_frames
+from etnet.events.formats.metadata import metadata_of, metadata_size
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.events.provenance import ATTRIBUTES, provenance_of
 
 _BOX_FIELDS = {"w", "h", "class_id"}
+_LONGEST_TEXT = 1 << 20
 _NO_ATTRIBUTES: Mapping[str, Any] = {}
 
 
@@ -80,7 +83,14 @@ def _open_npz(request: Request) -> Opened:
         tree = leaves_of(store, request.members, request, mapped)
         found = found_in(tree, "an npz", request.name, remarks)
         declared = size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name)
-    return open_table(request, Table("npz columns", found.columns, declared, settled=found.unit), remarks)
+        made = {name: _short_text(tree[name]) for name in ATTRIBUTES if name in tree}
+    opened = open_table(request, Table("npz columns", found.columns, declared, settled=found.unit), remarks)
+    return replace(opened, provenance=provenance_of(made))
+
+
+def _short_text(leaf: Leaf) -> bytes:
+    is_text = leaf.shape == () and leaf.dtype.kind == "S" and leaf.dtype.itemsize <= _LONGEST_TEXT
+    return bytes(leaf.open()[()]) if is_text else b""
 
 
 def holds_events(request: Request) -> bool:
@@ -135,7 +145,7 @@ def _open_folder(request: Request) -> Opened:
         ]
         tree = {path[len(prefix) :]: leaf for path, leaf in leaves_of(store, inside, request, mapped).items()}
         found = found_in(tree, "a folder of npy files", request.name, remarks)
-        declared = _metadata_size(store, prefix, request)
+        declared = metadata_size(metadata_of(store, prefix, request.name), request.name)
     frames = found_frames(lambda: _folder_frames(tree, request), request.name, remarks)
     usual = "s" if kind != "npy folder" else None
     table = Table(kind, found.columns, declared, settled=found.unit, usual=usual, frames=frames)
@@ -155,16 +165,6 @@ def _folder_frames(tree: Tree, request: Request) -> Frames | None:
     height, width = pictures.shape[2:] if is_colours_first(pictures.shape[1:]) else pictures.shape[1:3]
     size = Sensor(int(width), int(height))
     return Frames(stamps, "s", lambda index: np.asarray(pictures[index]), size)
-
-
-def _metadata_size(store: Store, prefix: str, request: Request) -> Sensor | None:
-    if prefix + "metadata.json" not in store.names():
-        return None
-    content = json.loads(read_small(store, prefix + "metadata.json", request.name))
-    size = content.get("sensor_resolution") if isinstance(content, dict) else None
-    if not isinstance(size, list) or len(size) < 2:
-        return None
-    return declared_sensor(size[1], size[0], f"{request.name}: metadata.json", ANY_PIXELS)
 
 
 def _is_npz(request: Request) -> bool:

@@ -45,14 +45,13 @@ def numbered_frames(file: h5py.File, name: str, max_pixels: int, remarks: Remark
 
     first = dataset(file, f"images/{images[0]}", name, ndim=None)
     usual: TimeUnit = "s" if stamps.dtype.kind == "f" else "us"
-    white = first.attrs.get("white")
     return Frames(
         stamps,
         usual,
         read_raw,
         _size(first.shape, name, max_pixels),
         is_bgr,
-        float(white) if isinstance(white, (int, float, np.number)) and white > 0 else None,
+        _white(first),
         lambda unit, stamps: _flow_reader(file, name, max_pixels, unit, stamps),
     )
 
@@ -68,7 +67,14 @@ def stacked_frames(file: h5py.File, path: str, stamps_path: str, name: str, max_
     if len(stamps) == 0:
         return None
     size = _size(pictures.shape[1:], f"{name}: {path}", max_pixels)
-    return Frames(stamps, "s" if stamps.dtype.kind == "f" else "us", lambda index: pictures[index], size)
+    usual: TimeUnit = "s" if stamps.dtype.kind == "f" else "us"
+    return Frames(stamps, usual, lambda index: pictures[index], size, white=_white(pictures))
+
+
+def _white(pictures: h5py.Dataset) -> float | None:
+    """What the file itself says is white."""
+    white = pictures.attrs.get("white")
+    return float(white) if isinstance(white, (int, float, np.number)) and white > 0 else None
 
 
 def stacked_pair(tree: Tree) -> tuple[str, str] | None:

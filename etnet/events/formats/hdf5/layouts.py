@@ -6,6 +6,8 @@ MVSEC: daniilidis-group.github.io/mvsec/download.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 
@@ -20,7 +22,9 @@ from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, sa
 from etnet.events.formats.hdf5.frames import numbered_frames, stack_without_stamps, stacked_frames, stacked_pair
 from etnet.events.formats.hdf5.metavision import open_metavision
 from etnet.events.formats.hdf5.tree import attributes_of, check_columns, outline, tree_of
+from etnet.events.formats.hdf5.triggers import triggers_beside
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.events.provenance import ATTRIBUTES, provenance_of
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _DAVIS346 = Sensor(346, 260)
@@ -50,20 +54,31 @@ def _has(file: h5py.File, path: str, request: Request) -> bool:
 def _open(request: Request) -> Opened:
     file = open_file(request)
     with contained(request.name, "HDF5"):
-        if any(_has(file, f"davis/{side}/events", request) for side in ("left", "right")):
-            return _open_mvsec(request, file)
-        if _has(file, "CD/events", request):
+        if _has(file, "CD/events", request) and not _is_mvsec(request, file):
             return open_metavision(request, file)
-        for paths in _EVENT_UTILS:
-            if all(_has(file, path, request) for path in paths):
-                return _open_event_utils(request, file, paths)
-        return _open_found(request, file)
+        opened = _open_columns(request, file)
+        remarks = Remarks(list(opened.remarks))
+        triggers = triggers_beside(file, request.name, remarks)
+        # No other attribute is read for it: what cannot be read must not cost the recording.
+        made = provenance_of({name: file.attrs[name] for name in ATTRIBUTES if name in file.attrs})
+        return replace(opened, remarks=tuple(remarks.kept), triggers=triggers, provenance=made)
+
+
+def _is_mvsec(request: Request, file: h5py.File) -> bool:
+    return any(_has(file, f"davis/{side}/events", request) for side in ("left", "right"))
+
+
+def _open_columns(request: Request, file: h5py.File) -> Opened:
+    if _is_mvsec(request, file):
+        return _open_mvsec(request, file)
+    for paths in _EVENT_UTILS:
+        if all(_has(file, path, request) for path in paths):
+            return _open_event_utils(request, file, paths)
+    return _open_found(request, file)
 
 
 def _open_event_utils(request: Request, file: h5py.File, paths: tuple[str, str, str, str]) -> Opened:
     remarks = Remarks()
-    if isinstance(made := file.attrs.get("simulation"), str):
-        remarks.detected(f"{str(file.attrs.get('source', 'simulated'))[:200]}, with {made[:1000]}")
     x, y, t, p = columns(file, paths, request.name)
     check_columns(file, set(paths), request.name)
     stated_count = file.attrs.get("num_events")
@@ -73,9 +88,9 @@ def _open_event_utils(request: Request, file: h5py.File, paths: tuple[str, str, 
     table = Table(
         "event_utils HDF5",
         {"x": x, "y": y, "t": t, "p": p},
-        _size(request, file, tree, "events"),
+        size_in(request, file, tree, "events"),
         usual="s" if t.dtype.kind == "f" else None,
-        frames=_frames(request, file, tree, remarks),
+        frames=frames_in(request, file, tree, remarks),
     )
     return open_table(request, table, remarks)
 
@@ -93,17 +108,17 @@ def _open_found(request: Request, file: h5py.File) -> Opened:
         remarks.assumed(f"the four columns of {found.where} are {', '.join(found.order)}, judged by their values")
     check_columns(file, set(found.paths), request.name)
     is_dsec = _has(file, "ms_to_idx", request)
-    offset = _offset(file, request) if _has(file, "t_offset", request) else 0
+    offset = offset_in(file, request) if _has(file, "t_offset", request) else 0
     kind = "DSEC HDF5" if is_dsec else _kind(found, file, request)
     if kind == "DSEC HDF5":
         remarks.kept = [remark for remark in remarks.kept if remark.text != "events are in events"]
     table = Table(
         kind,
         found.columns,
-        _size(request, file, tree, found.where),
+        size_in(request, file, tree, found.where),
         settled="us" if is_dsec else found.unit,
         offset=offset,
-        frames=_frames(request, file, tree, remarks),
+        frames=frames_in(request, file, tree, remarks),
     )
     return open_table(request, table, remarks)
 
@@ -114,7 +129,8 @@ def _kind(found: Found, file: h5py.File, request: Request) -> str:
     return "HDF5 table" if found.order else "HDF5 columns"
 
 
-def _offset(file: h5py.File, request: Request) -> int:
+def offset_in(file: h5py.File, request: Request) -> int:
+    """DSEC's t_offset, µs."""
     stored = dataset(file, "t_offset", request.name, ndim=None)
     value = np.asarray(stored[()]).ravel() if stored.size == 1 else np.empty(0)
     if value.size != 1 or value.dtype.kind not in "iu" or abs(int(value[0])) >= 2**61:
@@ -122,7 +138,8 @@ def _offset(file: h5py.File, request: Request) -> int:
     return int(value[0])
 
 
-def _size(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
+def size_in(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
+    """The size of the sensor, where the file states it."""
     stated = sensor_resolution(file.attrs.get("sensor_resolution"), request.name)
     if stated is not None:
         return stated
@@ -130,7 +147,8 @@ def _size(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor |
     return size_beside(tree, where, attributes, request.name)
 
 
-def _frames(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:
+def frames_in(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:
+    """The pictures, numbered or in one stack; what cannot be shown is said."""
     most, name = request.assume.max_pixels, request.name
     numbered = found_frames(lambda: numbered_frames(file, name, most, remarks), name, remarks)
     pair = stacked_pair(tree) if numbered is None else None
@@ -159,8 +177,9 @@ def _open_mvsec(request: Request, file: h5py.File) -> Opened:
         most = request.assume.max_pixels
         pair = f"{where}/image_raw", f"{where}/image_raw_ts"
         frames = found_frames(lambda: stacked_frames(file, *pair, name, most), name, remarks)
-    declared = frames.size if frames is not None else _DAVIS346
-    if frames is None and request.assume.sensor is None:
+    stated = sensor_resolution(file.attrs.get("sensor_resolution"), name)
+    declared = stated or (frames.size if frames is not None else _DAVIS346)
+    if frames is None and stated is None and request.assume.sensor is None:
         remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")
     say_unread(file, f"{where}/imu", "samples of motion", name, remarks)
     rows = Rows(table, 4)

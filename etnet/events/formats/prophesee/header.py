@@ -5,12 +5,17 @@ Keys: docs.prophesee.ai, "RAW file format".
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Remarks, Request
 from etnet.events.formats.decode import Collected
+from etnet.events.formats.prophesee.clock import header_end
+from etnet.files import replacing
 
 CLOCK_PERIOD = 1 << 34
 """µs after which the 28 + 6 bits of time of EVT 2.0 and 2.1 wrap."""
@@ -94,6 +99,16 @@ def read_header(request: Request) -> Header:
             break
         fields[key] = value.strip()
     return Header(fields, place)
+
+
+def put_fields(path: Path, fields: Mapping[str, str]) -> None:
+    """Put lines "% key value" at the end of a header; what is not ASCII is escaped."""
+    lines = "".join(f"% {key} {value}\n" for key, value in fields.items()).encode("ascii", "backslashreplace")
+    if len(lines) > _LARGEST_HEADER // 2:
+        raise RecordingError(f"{path.name}: {len(lines)} bytes are too much for a header")
+    with replacing(path) as filled, path.open("rb") as source, filled.open("wb") as target:
+        target.write(source.read(header_end(path)) + lines)
+        shutil.copyfileobj(source, target, 1 << 20)
 
 
 def tell_turns(collected: Collected, remarks: Remarks) -> None:

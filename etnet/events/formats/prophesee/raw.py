@@ -11,6 +11,7 @@ from etnet.events.formats.prophesee.evt2_evt3 import EVT
 from etnet.events.formats.prophesee.evt21 import EVT21, EVT21_LEGACY
 from etnet.events.formats.prophesee.header import read_header, tell_turns
 from etnet.events.formats.prophesee.indexed import decode_all, open_indexed
+from etnet.events.provenance import provenance_of
 
 INDEXED_BYTES = 64 << 20
 """Files from this size on are indexed and read by slice; smaller ones are decoded at once."""
@@ -42,6 +43,7 @@ def _open(request: Request) -> Opened:
         tuple(remarks.kept),
         growth=collected.growth,
         triggers=collected.triggers,
+        provenance=provenance_of(header.fields),
     )
 
 

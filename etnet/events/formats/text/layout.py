@@ -121,7 +121,7 @@ def _numbers(start: Layout) -> np.ndarray:
 def _counting(start: Layout, columns: Columns, unit: TimeUnit | None) -> Layout:
     """With the unit that the stamps are taken to count for now: fractions are seconds, whole numbers µs."""
     if unit is None:
-        has_fractions = any(_has_fraction(row[columns.t]) for row in start.sample)
+        has_fractions = any(has_fraction(row[columns.t]) for row in start.sample)
         unit = "s" if has_fractions else "us"
     found = Columns(columns.t, columns.x, columns.y, columns.p, columns.count, unit, columns.decimal_comma)
     return Layout(found, start.num_bytes, start.num_lines, start.sensor, start.names, start.sample)
@@ -239,8 +239,8 @@ def _number(token: bytes) -> Decimal | None:
     return value if value.is_finite() and abs(value.adjusted()) < 400 else None
 
 
-def _has_fraction(token: bytes) -> bool:
-    """Also of "5.0", but not of "1e+06" or "1.5e+01", in which any number may be printed."""
+def has_fraction(token: bytes) -> bool:
+    """Whether it is no whole number; of "5.0", too, not of "1e+06" or "1.5e+01", in which any number may be printed."""
     value = _number(token)
     if value is None:
         return False

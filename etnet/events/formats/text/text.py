@@ -6,21 +6,24 @@ rpg_e2vid's zip, whose first line is "width height".
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from io import BufferedIOBase
+from typing import Any
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.archive import FolderStore, Store, ZipStore
-from etnet.events.formats.base import Format, Opened, Remarks, Request
+from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.decode import collect
-from etnet.events.formats.frames import attached, found_frames
+from etnet.events.formats.frames import Frames, attached, found_frames
+from etnet.events.formats.metadata import metadata_of, metadata_size
 from etnet.events.formats.picture_lists import pictures_beside
 from etnet.events.formats.text.layout import HEAD_BYTES, looks_like_events, looks_like_rows, text_layout
 from etnet.events.formats.text.rows import text_pieces
 from etnet.events.formats.time_unit import Evidence, judged_unit
+from etnet.events.provenance import provenance_of
 
 _SHORT_HEAD = 4096
 _MOST_TEXTS = 20
@@ -59,13 +62,8 @@ def _open_stream(
     with opener() as stream:
         head = stream.read(HEAD_BYTES)
     layout, unit = text_layout(head, request.name, remarks, request.assume.time_unit)
-    frames = None
-    if store is not None and member is not None:
-        folder = member.rpartition("/")[0]
-        beside, most = folder + "/" if folder else "", request.assume.max_pixels
-        frames = found_frames(
-            lambda: pictures_beside(store, beside, request.name, remarks, most), request.name, remarks
-        )
+    frames, metadata = (None, {}) if store is None or member is None else _beside(request, store, member, remarks)
+    declared = layout.sensor or metadata_size(metadata, request.name)
     with opener() as stream:
         stream.read(layout.num_bytes)
         columns = replace(layout.columns, rounds=request.assume.pixels == "rounded")
@@ -76,9 +74,23 @@ def _open_stream(
         size_of_frames = None if frames is None else frames.size
         kind = kinds[0] if layout.names else kinds[1]
         judge = _judge(unit, request, remarks)
-        collected = collect(request, pieces, layout.sensor, remarks, judge, columns.unit, size_of_frames)
+        collected = collect(request, pieces, declared, remarks, judge, columns.unit, size_of_frames)
     truth = attached(frames, collected.span, request.assume.time_unit, request.name, remarks)
-    return Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+    opened = Opened(kind, collected.source, collected.sensor, collected.span, tuple(remarks.kept), truth)
+    return replace(opened, provenance=provenance_of(metadata))
+
+
+def _beside(request: Request, store: Store, member: str, remarks: Remarks) -> tuple[Frames | None, Mapping[str, Any]]:
+    """The pictures beside a text of events, and what a metadata.json there says."""
+    folder = member.rpartition("/")[0]
+    prefix, most, name = folder + "/" if folder else "", request.assume.max_pixels, request.name
+    frames = found_frames(lambda: pictures_beside(store, prefix, name, remarks, most), name, remarks)
+    with contained(name, "its metadata.json"):
+        metadata = metadata_of(store, prefix, name)
+    white = metadata.get("white")
+    if frames is not None and white in (255, 65_535):
+        frames = replace(frames, white=float(white))
+    return frames, metadata
 
 
 def _judge(unit: TimeUnit | None, request: Request, remarks: Remarks) -> Callable[[Evidence], TimeUnit] | None:

@@ -1,0 +1,27 @@
+"""metadata.json beside the events: EVREAL's, with the sensor's size, and that of folders that are written here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from etnet.events.events import Sensor
+from etnet.events.formats.archive import Store, read_small
+from etnet.events.formats.bounds import ANY_PIXELS, declared_sensor
+
+
+def metadata_of(store: Store, prefix: str, name: str) -> Mapping[str, Any]:
+    """What stands in metadata.json under `prefix` ("" or "a/b/"); nothing where there is none."""
+    if prefix + "metadata.json" not in store.names():
+        return {}
+    content = json.loads(read_small(store, prefix + "metadata.json", name))
+    return content if isinstance(content, dict) else {}
+
+
+def metadata_size(content: Mapping[str, Any], name: str) -> Sensor | None:
+    """The size that it states as (height, width)."""
+    size = content.get("sensor_resolution")
+    if not isinstance(size, list) or len(size) < 2:
+        return None
+    return declared_sensor(size[1], size[0], f"{name}: metadata.json", ANY_PIXELS)
