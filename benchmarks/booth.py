@@ -35,7 +35,7 @@ from measure import keep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-LONGEST = 25.0
+LONGEST = 40.0
 """Seconds of a visit."""
 IDLE = 6.0
 """Seconds without a touch after which a page is the next visitor's; the demo's own is a minute."""
@@ -128,7 +128,7 @@ async def _guess(browser, rng, port) -> None:
 
 async def _take_home(browser, rng, port) -> None:
     await _press(browser, "demo:home")
-    await browser.until(lambda: "/home/" in browser.html(), 15)
+    await browser.until(lambda: "/home/" in browser.html(), 35)
     path = re.findall(r'href="(/home/[^"]+)"', browser.html())[-1]
     await asyncio.to_thread(_fetch, port, path)
     await _press(browser, "demo:close")

@@ -196,8 +196,7 @@ async def _look_inside(browser, rng) -> None:
 
 
 async def _play(browser, rng) -> None:
-    labels = {props.get("label") for props in browser.widgets.values()}
-    await browser.use(browser.widget("Play" if "Play" in labels else "Pause"), True)
+    await browser.use(browser.widget("channel"), f"pick|demo:play|0|0|{rng.random()}")
     await asyncio.sleep(rng.uniform(2, 8))
 
 

@@ -46,6 +46,22 @@ class _OwningSource:
         self.resources.close()
 
 
+class _Told:
+    """Passes on how far the opening is, until it has ended: a source may keep what it was opened with, and would keep
+    its visitor with it."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress = progress
+
+    def __call__(self, share: float) -> None:
+        if self._progress is not None:
+            self._progress(share)
+
+    def end(self) -> None:
+        """Nobody is told any more."""
+        self._progress = None
+
+
 def open_recording(
     path: str | Path,
     *,
@@ -62,7 +78,7 @@ def open_recording(
     background for the next opening. Raises RecordingError, which names the file, the place and the remedy.
     """
     path = Path(path)
-    told = progress or (lambda _: None)
+    told = _Told(progress)
     with ExitStack() as resources:
         scratch = Scratch(path.name)
         resources.callback(scratch.close)
@@ -74,6 +90,7 @@ def open_recording(
             opened = seen_through(view, found, request)
         kept = resources.pop_all()
     told(1.0)
+    told.end()
     return Recording(
         name=path.stem or path.name,
         format=opened.format,

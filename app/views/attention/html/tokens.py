@@ -25,7 +25,7 @@ FEATURES: dict[FeatureWord, str] = {
 }  # fmt: skip
 
 SHORT: dict[FeatureWord, str] = {
-    "tokens": "after layer", "query": "queries", "key": "keys", "value": "values", "context": "context",
+    "tokens": "after this layer", "query": "queries", "key": "keys", "value": "values", "context": "context",
     "hidden 1": "hidden, 1/2", "hidden 2": "hidden, 1/4", "hidden 3": "hidden, 1/8",
 }  # fmt: skip
 """The same in the header of a small card."""
