@@ -18,6 +18,8 @@ POINTS_IN_MOTION = 10_000
 EDGE = (96, 102, 112)
 ARROW = (205, 211, 220)
 MAX_TICKS = 5
+OUT_OF_SIGHT = 1e6
+"""Scene units beyond which no camera sees."""
 
 
 class CloudNode:
@@ -71,6 +73,7 @@ class CloudNode:
             point_shading="flat",
             precision="float16",
         )
+        self._keep_shader()
         lines = self._scene.add_line_segments
         lines("/window/box", _edges(space), colors=EDGE, thickness=1.0, thickness_units="screen")
         self._arrow = lines("/window/arrow", _arrow(space), colors=ARROW, thickness=2.0, thickness_units="screen")
@@ -83,6 +86,23 @@ class CloudNode:
         ]
         self._depth = None
         self._ticks.visible = self._arrow.visible = self._has_scale
+
+    def _keep_shader(self) -> None:
+        """Two points that nobody sees.
+
+        viser's client makes a new material for each new set of colours and drops the former one. With it the shader
+        goes, and is compiled once more for every push of a drag, which blocks the page for 100 ms where graphics are
+        done in software. While another cloud with colours of its own is there, it stays.
+        """
+        self._scene.add_point_cloud(
+            "/window/shader",
+            np.full((2, 3), OUT_OF_SIGHT, np.float32),
+            np.zeros((2, 3), np.uint8),
+            point_size=0.01,
+            point_shape="circle",
+            point_shading="flat",
+            precision="float32",
+        )
 
     def _say_depth(self, milliseconds: float) -> None:
         """Ticks at round times before the newest moment."""
