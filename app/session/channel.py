@@ -79,14 +79,7 @@ class Hover:
     seconds: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Painted:
-    """The page has painted what was sent as this push."""
-
-    number: int
-
-
-Message = Painted | Hover | Hello | Resized | AskHelp | Touched | FollowLink | Copied | RemoveFile
+Message = Hover | Hello | Resized | AskHelp | Touched | FollowLink | Copied | RemoveFile
 _KEYS: dict[str, Any] = {
     "comma": ask.Move(-1),
     "period": ask.Move(1),
@@ -132,8 +125,6 @@ def parse(text: str, views: Sequence[View]) -> Any:
                 return Copied(is_done == "1")
             case ["hover", seconds, _]:
                 return Hover(_seconds(seconds))
-            case ["painted", number, _]:
-                return Painted(int(number))
             case ["touch", _]:
                 return Touched()
             case ["hello", tab, width, height, _]:

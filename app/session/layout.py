@@ -58,7 +58,6 @@ class Layout:
     """What each view has in the page itself."""
     folders: dict[str, viser.GuiFolderHandle]
     strip: Html
-    pushed: Html
     main: viser.MainPanelHandle
     width: int = 0
     _open: set[str] = field(default_factory=set)
@@ -89,8 +88,8 @@ class Layout:
         chosen = "" if tab is None else f"tab:{tab.name}"
         self.strip.show(f'<div class="etv-tabs">{segmented("Settings", offered, chosen) if offered else ""}</div>')
 
-    def show(self, page: Page, number: int = 0) -> None:
-        """Draw what has changed in what can be seen; the page is told last of all which push it was."""
+    def show(self, page: Page) -> None:
+        """Draw what has changed in what can be seen."""
         tab = open_tab(page.state, self.views)
         self.suit(page)
         self._show_tabs(page.state)
@@ -106,7 +105,6 @@ class Layout:
                 (self._open.add if is_open else self._open.discard)(view.name)
             if view is tab:
                 panel.show_settings(page)
-        self.pushed.show(f'<i class="etv-pushed" data-number="{number}"></i>')
 
 
 def build_layout(
@@ -144,9 +142,8 @@ def build_layout(
     foot = gui.add_panel()
     with foot.add_tab("Timeline", viser.Icon.TIMELINE):
         panels["timeline"].build(gui, dispatch)
-        pushed = Html(gui, '<i class="etv-pushed"></i>')
     foot.float(x=20, y=-15, width=900)
-    layout = Layout(views, panels, cards, folders, strip, pushed, gui.main_panel)
+    layout = Layout(views, panels, cards, folders, strip, gui.main_panel)
     layout.suit(Page(ViewState()))
     return layout
 

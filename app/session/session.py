@@ -25,7 +25,7 @@ from app.engine.requests import Failed, FrameRequest, Ready, Reply, Working
 from app.html.moment import Moment
 from app.html.timeline_marks import Cached
 from app.session.booth import Booth, MirrorNews
-from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, Painted, RemoveFile, Resized, Touched
+from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, RemoveFile, Resized, Touched
 from app.session.facts import KnownFacts
 from app.session.frames import NewestFrames
 from app.session.jobs import JobNews, VisitorJobs
@@ -35,7 +35,6 @@ from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presen
 from app.session.opening import Opened, Opening, Unopened
 from app.session.page import PageComposer
 from app.session.player import Player
-from app.session.push_pace import INTERVAL, PushPace
 from app.session.runs import RunPlanned, RunReply, VisitorRuns
 from app.session.saved_view import SavedView
 from app.session.standing import Standing
@@ -49,6 +48,8 @@ from app.views.reduce import reduce_views
 from app.views.view import View
 from etnet.errors import EtnetError
 
+PUSH_INTERVAL = 1 / 30
+"""Seconds between two pushes of pictures and text; the first one after a rest goes at once."""
 REST = 0.3
 """Seconds without a new window after which the scene is drawn in full."""
 WAIT_FOR_HELLO = 1.0
@@ -103,7 +104,7 @@ class Session:
         """When (monotonic clock) and what was drawn last, during the visit; it may be read from any thread."""
         self._shown_index = -1
         self._moved_at = 0.0
-        self._pace = PushPace()
+        self._pushed_at = 0.0
         self._glanced_at = self._grown_at = 0.0
         self._cached: Cached | None = None
         self._hovers_at: float | None = None
@@ -161,8 +162,9 @@ class Session:
                 self._is_dirty = False
 
     def _patience(self) -> float:
+        since = time.monotonic() - self._pushed_at
         if self._is_dirty or self._state.is_playing or self._follows():
-            return max(self._pace.wait(time.monotonic()), 0.001)
+            return max(PUSH_INTERVAL - since, 0.001)
         if self._is_moving():
             return REST / 2
         return GLANCE
@@ -177,9 +179,6 @@ class Session:
                 self._answer(item)
             case Resized() | CanvasChanged() | Presented():
                 pass
-            case Painted(number):
-                self._pace.painted(number)
-                return
             case Hover(seconds):
                 self._hovers_at = seconds
             case HandedOver(arrived):
@@ -315,14 +314,15 @@ class Session:
         if due is not None:
             self._reduce(ask.PlayTo(due))
             self._is_dirty = True
-        is_due = self._pace.wait(time.monotonic()) == 0
+        is_due = time.monotonic() - self._pushed_at >= PUSH_INTERVAL
         if self._state.index != self._shown_index:
             self._moved_at = time.monotonic()
         elif self._moved_at and not self._is_moving():
             self._moved_at, self._is_dirty = 0.0, True  # at rest: once more, in full
         if self._is_dirty and is_due:
             self._is_dirty = False
-            self._push(self._pace.sent(time.monotonic()))
+            self._pushed_at = time.monotonic()
+            self._push()
         if not self._keeper.keep(self._state) and not self._is_dirty:
             self._glanced_at = min(self._glanced_at, time.monotonic() - GLANCE)
 
@@ -337,7 +337,7 @@ class Session:
         self._is_dirty |= self._standing.is_due(time.monotonic())
         if not self._is_moving():
             self._is_dirty |= self._known.look(self._state, self._held.share)
-        every = 0.0 if self._booth.is_live(self._state) else INTERVAL if self._follows() else GLANCE
+        every = 0.0 if self._booth.is_live(self._state) else PUSH_INTERVAL if self._follows() else GLANCE
         if time.monotonic() - self._grown_at > every:
             self._grown_at = time.monotonic()
             has_grown, follows = self._held.grow(self._state)
@@ -350,7 +350,7 @@ class Session:
             self._is_dirty |= cached != self._cached
             self._cached = cached
 
-    def _push(self, number: int) -> None:
+    def _push(self) -> None:
         moment, runs = self._held.moment(self._state), ()
         if moment is not None:
             self._standing.note(self._state)
@@ -367,7 +367,7 @@ class Session:
             self._hovers_at,
             self._standing.refused,
         )
-        self._layout.show(page, number)
+        self._layout.show(page)
         self._shown_index = self._state.index
         self._client.flush()
         self.drawn = time.monotonic(), page

@@ -41,15 +41,6 @@
     tell();
   };
 
-  // The next picture is sent when this one is on the screen: what came faster would wait, and lag behind the hand.
-  let painted = "";
-  new MutationObserver(() => {
-    const number = document.querySelector(".etv-pushed")?.dataset.number;
-    if (!number || number === painted) return;
-    painted = number;
-    requestAnimationFrame(() => setTimeout(() => say("painted", number)));
-  }).observe(document, { subtree: true, childList: true });
-
   // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
   // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile.
   const isPixel = (element) => element?.dataset.k === "pixel" || element?.dataset.k.startsWith("cut:");
