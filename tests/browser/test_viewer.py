@@ -80,6 +80,23 @@ def test_a_drag_along_the_timeline_moves_windows_and_its_last_value_wins(page):
     assert line["x"] + line["width"] / 2 == pytest.approx(there, abs=3)
 
 
+COMPILED = """() => {
+  const prototype = WebGL2RenderingContext.prototype, compile = prototype.compileShader;
+  window.etnetCompiled = 0;
+  prototype.compileShader = function (shader) { window.etnetCompiled += 1; return compile.call(this, shader); };
+}"""
+
+
+def test_another_window_compiles_no_shader_again(page):
+    seek(page, 1)
+    page.evaluate(COMPILED)
+    for index in (2, 3, 4):
+        page.locator("body").press("l")
+        until_window(page, index)
+        page.wait_for_timeout(500)  # at rest the cloud is drawn in full
+    assert page.evaluate("() => window.etnetCompiled") == 0
+
+
 def test_it_plays_and_a_key_stops_it(page):
     page.get_by_role("button", name=PLAY).click()
     page.get_by_role("button", name=PAUSE).wait_for()
