@@ -112,6 +112,10 @@ def open_channel(gui: viser.GuiApi, hear: Callable[[Any], None], views: Sequence
 
 def parse(text: str, views: Sequence[View]) -> Any:
     """One message of the page, "kind|…|counter"; `None` for what cannot be understood. It is a stranger's word."""
+    try:
+        text.encode()  # half a surrogate pair can be said in JSON, but no page can be sent with it
+    except UnicodeEncodeError:
+        return None
     if text.startswith("link|"):
         return FollowLink(text[:LONGEST_LINK].split("|")[1])
     parts = text[:LONGEST_MESSAGE].split("|")

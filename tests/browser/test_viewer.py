@@ -88,8 +88,12 @@ COMPILED = """() => {
 
 
 def test_another_window_compiles_no_shader_again(page):
-    seek(page, 1)
     page.evaluate(COMPILED)
+    seek(page, 1)
+    before = -1
+    while before != (before := page.evaluate("() => window.etnetCompiled")):
+        page.wait_for_timeout(1500)  # the scene is drawn after the pictures
+    page.evaluate("() => (window.etnetCompiled = 0)")
     for index in (2, 3, 4):
         page.locator("body").press("l")
         until_window(page, index)
