@@ -66,12 +66,13 @@ class NewestFrames:
         return request.wants_attention and request.index == state.index and not self.ready.is_approximate
 
     def _take_ready(self, reply: Ready) -> bool:
-        if self.ready is not None and (self._is_late(reply, self.ready) or _is_worse(reply, self.ready)):
-            return False
-        self.ready = reply
-        if reply.request == self.request and not reply.is_approximate:
+        is_kept = self.ready is not None and (self._is_late(reply, self.ready) or _is_worse(reply, self.ready))
+        is_answer = reply.request == self.request and not reply.is_approximate
+        if not is_kept:
+            self.ready = reply
+        if is_answer:
             self.working = self.failed = None
-        return True
+        return is_answer or not is_kept
 
     def _is_late(self, reply: Ready, held: Ready) -> bool:
         """Whether what is asked for now is answered, and this answers what was asked before.

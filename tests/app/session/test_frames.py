@@ -111,3 +111,8 @@ def test_a_late_reply_without_attention_does_not_take_away_the_attention_that_is
     answers.take(with_attention)
     assert not answers.take(ready(REQUEST))
     assert answers.ready is with_attention
+    answers.ask(REQUEST)  # nobody looks at the maps any more
+    answers.take(Working(REQUEST, 1, 2, "replaying"))
+    assert answers.take(ready(REQUEST))
+    assert answers.ready is with_attention
+    assert answers.working is None
