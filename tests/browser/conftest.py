@@ -5,9 +5,12 @@ A page of the viewer takes seconds to come up, so the tests of one file share on
 
 import pytest
 from playwright.sync_api import Error as BrowserError
+from playwright.sync_api import expect
 
-from tests.browser.chromium import chromium, open_page, open_workspace, require_browser
+from tests.browser.chromium import PATIENCE, chromium, open_page, open_workspace, require_browser
 from tests.browser.faults import SCENE
+
+expect.set_options(timeout=PATIENCE)
 
 ROI = (86, 60, 60, 44)
 """x, y, width, height: no multiple of 8, so that the outer tokens lie half on padding."""

@@ -1,5 +1,6 @@
 """A booth that cannot be broken: nothing of viser's own is in reach, and what one visitor left is gone for the next."""
 
+import time
 import urllib.request
 
 import pytest
@@ -173,14 +174,19 @@ def test_a_touch_on_the_first_picture_is_answered_whatever_script_comes_late(bro
 
 
 def test_a_touch_before_the_page_has_started_takes_the_show_over(browser, demo, stays):
+    ends = time.monotonic() + PATIENCE / 1000
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     page = context.new_page()
     page.set_default_timeout(PATIENCE)
     page.errors = []
     page.goto(f"{demo.url}/?fixedDpr=1", wait_until="commit")
-    page.wait_for_function("() => window.etnetSay")
-    page.mouse.click(300, 300)
-    page.get_by_test_id("yours").wait_for()
+    loaded = None
+    while page.get_by_test_id("yours").count() == 0:
+        page.wait_for_function("() => window.etnetSay")
+        if loaded != (loaded := page.evaluate("() => performance.timeOrigin")):
+            page.mouse.click(300, 300)  # once a load: a page whose socket is late loads itself anew
+        page.wait_for_timeout(200)
+        assert time.monotonic() < ends, "the touch was not answered"
     close(page)
 
 
