@@ -49,14 +49,15 @@
       const fresh = (number) => pressed[number] && !held[number];
       const x = Math.abs(pad.axes[0] ?? 0) > 0.5 ? Math.sign(pad.axes[0]) : (pressed[15] ? 1 : 0) - (pressed[14] ? 1 : 0);
       const y = Math.abs(pad.axes[1] ?? 0) > 0.5 ? Math.sign(pad.axes[1]) : (pressed[13] ? 1 : 0) - (pressed[12] ? 1 : 0);
-      const has = x || y || fresh(0) || fresh(1);
-      if (has && performance.now() - movedAt > REPEAT) {
+      // A stick that is held repeats; a button counts each time that it goes down, however soon after a move.
+      const isMove = (x || y) && performance.now() - movedAt > REPEAT;
+      if (isMove || fresh(0) || fresh(1)) say("touch");
+      if (isMove) {
         movedAt = performance.now();
-        say("touch");
-        if (x || y) move(x, y);
-        if (fresh(0)) say("pick", "demo:play", 0, 0);
-        if (fresh(1)) say("pick", "demo:cloud", 0, 0);
+        move(x, y);
       }
+      if (fresh(0)) say("pick", "demo:play", 0, 0);
+      if (fresh(1)) say("pick", "demo:cloud", 0, 0);
       held = pressed;
       return;
     }

@@ -274,7 +274,7 @@ SPOT = """() => {
 }"""
 
 
-def test_a_gamepad_moves_the_spot(browser, demo, stays):
+def test_a_gamepad_moves_the_spot_plays_and_goes_back_to_the_events(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720, lambda page: page.add_init_script(f"({GAMEPAD})()"))
     moved = f"([axis, way, from]) => {{ const at = ({SPOT})(); return at && way * (at[axis] - from) > 0.01; }}"
     page.evaluate("() => { window.pad.axes[0] = 0.9; }")
@@ -289,6 +289,10 @@ def test_a_gamepad_moves_the_spot(browser, demo, stays):
         page.evaluate(f"() => {{ {push}; }}")
         page.wait_for_function(moved, arg=[axis, way, at[axis]])
         page.evaluate(f"() => {{ {rest}; }}")
+    for number, answer in ((0, page.get_by_role("button", name="Pause")), (1, page.locator("[data-large=cloud]"))):
+        page.evaluate("(number) => { window.pad.buttons[number].pressed = true; }", number)
+        answer.first.wait_for()
+        page.evaluate("(number) => { window.pad.buttons[number].pressed = false; }", number)
     close(page)
 
 
