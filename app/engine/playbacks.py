@@ -59,6 +59,11 @@ def _nowhere(request: FrameRequest) -> None:
     return None
 
 
+HELD_UP = 4
+"""A step that took so many times as long as the next one was held up, as the first ones are on a busy machine: what it
+says of the pace is forgotten."""
+
+
 class Library(Protocol):
     """Where recordings and models come from: the catalogue, or a test's stand-in."""
 
@@ -83,6 +88,8 @@ class Pace:
     def note_whole(self, step: float) -> None:
         """Add a measurement of a step in which nobody looked at its halves."""
         self.whole = _follow(self.whole, step)
+        if self.encode is not None and self.encode > step:
+            self.encode = None  # more than both halves: it was held up
         self.decode = _follow(self.decode, step - (self.encode or 0.0))
 
     def note(self, encode: float | None, decode: float | None) -> None:
@@ -381,4 +388,6 @@ def _trial_milliseconds(model: Any) -> float:
 def _follow(mean: float | None, value: float | None) -> float | None:
     if value is None or mean is None:
         return mean if value is None else value
+    if value < mean / HELD_UP:
+        return value
     return mean + (value - mean) / 3

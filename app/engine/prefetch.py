@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Literal
@@ -94,4 +95,8 @@ def _do(task: Task, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> No
     if kind == "state":
         loaded.playback.lay_state(index, cancelled)
     elif not loaded.playback.has_frame(index):
+        is_one_step = loaded.playback.plan(index).num_replayed == 1
+        began = time.perf_counter()
         loaded.playback.at(index, cancelled=cancelled)
+        if is_one_step:
+            loaded.pace.note_whole((time.perf_counter() - began) * 1000)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from app.engine.playbacks import is_exact
+from app.engine.playbacks import Pace, is_exact
 from app.engine.requests import FrameRequest
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
@@ -71,3 +71,22 @@ def test_nothing_in_the_contract_is_left_out_above():
         "isa",
     }
     assert {field.name for field in fields(Runtime)} == {"precision", "attention", "channels_last", "packed"}
+
+
+def test_a_first_step_that_was_held_up_does_not_set_the_pace():
+    halves, whole = Pace(), Pace()
+    halves.note(50_000.0, 6_000.0)
+    halves.note(20.0, 80.0)
+    assert halves.step == 100.0
+    whole.note(50_000.0, 6_000.0)
+    whole.note_whole(90.0)
+    assert whole.step == 90.0
+    assert whole.seek(10) == 90.0
+
+
+def test_the_pace_follows_what_steps_take():
+    pace = Pace()
+    for step in (100.0, 130.0, 130.0, 130.0):
+        pace.note(None, step)
+        pace.note(10.0, None)
+    assert 110.0 + 10 < pace.step < 130.0 + 10

@@ -23,6 +23,22 @@ def test_idle_time_prepares_what_comes_next(shelf, make_engine):
     assert len(again.replies) == 1  # at once: nothing had to be replayed
 
 
+def test_what_is_prepared_says_how_long_a_step_takes(shelf, make_engine):
+    engine, inbox = make_engine(prefetches=True), Inbox()
+    gate = hold(shelf.model_instance)
+    engine.request("ada", request(3), inbox)
+    gate.release(1)
+    deadline = time.monotonic() + 10
+    while not engine._playbacks.held_keys():
+        assert time.monotonic() < deadline
+    engine._playbacks.held(request(3)).pace.note_whole(60_000.0)
+    gate.release(10_000)
+    inbox.ready(3)
+    while engine.status(request(3)).step_milliseconds > 6_000:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
 def test_preparing_ends(shelf, make_engine):
     engine, inbox = make_engine(budget=64 << 10, prefetches=True), Inbox()
     engine.request("ada", request(3), inbox)
