@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from etnet.events.formats.prophesee.ecf import DamagedChunk, decode_chunk
@@ -104,6 +104,7 @@ def test_a_chunk_decodes_to_what_was_encoded(seed, count, mode, step, rows):
         np.testing.assert_array_equal(found, expected)
 
 
+@example(content=bytes(8) + b"\x0f\x01", num_events=1, mode=0)  # a long count of which one byte is there
 @given(content=st.binary(max_size=200), num_events=st.integers(0, 70_000), mode=st.integers(0, 3))
 def test_any_bytes_are_decoded_or_called_damaged(content, num_events, mode):
     try:
@@ -113,9 +114,10 @@ def test_any_bytes_are_decoded_or_called_damaged(content, num_events, mode):
     assert len(chunk.t) == num_events
 
 
-def test_a_cut_chunk_is_called_damaged():
-    t = np.arange(100)
+@pytest.mark.parametrize("each", [1, 20, 100])
+def test_a_cut_chunk_is_called_damaged(each):
+    t = np.repeat(np.arange(100 // each), each)
     whole = encode(t, t, t, t % 2, 0)
-    for length in range(0, len(whole) - 2, 7):
+    for length in range(len(whole)):
         with pytest.raises(DamagedChunk):
             decode_chunk(whole[:length])

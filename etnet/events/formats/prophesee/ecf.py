@@ -80,6 +80,8 @@ def _times(content: bytes, num_events: int) -> tuple[Int64[np.ndarray, " n"], in
     times = first + np.cumsum(moves)
     last = int(np.searchsorted(total, num_events))
     used = int(places[last]) + (3 if counts[places[last]] == 15 and not is_long[last] else 1)
+    if start + used > len(content):
+        raise DamagedChunk("its times end early")
     return np.repeat(times[: last + 1], count[: last + 1])[:num_events], start + used
 
 
@@ -99,6 +101,8 @@ def _runs(content: bytes, start: int, num_events: int, word: str, num_bits: int)
         look *= 8
     last = int(np.searchsorted(total, num_events))
     used = int(places[last]) + (1 + 2 // size if (words[places[last]] & maximum) == maximum else 1)
+    if used > available:
+        raise DamagedChunk("its run-lengths end early")
     values = words[places[: last + 1]] >> num_bits
     return np.repeat(values, count[: last + 1])[:num_events], start + used * size
 
