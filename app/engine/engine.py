@@ -200,6 +200,7 @@ class Engine:
 
     def _stepped(self, loaded: LoadedPlayback, request: FrameRequest, step: Step, began: float) -> None:
         """A live window's frame is at hand for all who ask for it."""
+        loaded.wait()
         loaded.pace.note_whole((time.perf_counter() - began) * 1000)
         loaded.state_bytes = step.state.nbytes
         self._published.tell_pace(request, loaded)
@@ -317,6 +318,7 @@ class Engine:
         encodes: list[float] = []
 
         def progress(done: int, total: int) -> None:
+            loaded.wait()
             now = time.perf_counter()
             encodes.append((now - clock[0]) * 1000)
             clock[0] = now
@@ -330,6 +332,7 @@ class Engine:
         finally:
             loaded.pace.note(float(np.median(encodes)) if encodes else None, None)
             self._published.tell(request, loaded)
+        loaded.wait()
         loaded.pace.note(None, (time.perf_counter() - clock[0]) * 1000)
         loaded.state_bytes = step.state.nbytes
         return step

@@ -211,8 +211,9 @@ def _surroundings() -> tuple[object, ...]:
     except PackageNotFoundError:
         torch_version = ""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    gpus = [path.read_text(errors="replace") for path in sorted(Path("/proc/driver/nvidia/gpus").glob("*/information"))]
     told = {name: value for name, value in sorted(os.environ.items()) if name.startswith(_TELLING)}
-    return torch_version, platform.machine(), processor_name(), cores, repr(told), code_key()
+    return torch_version, platform.machine(), processor_name(), cores, gpus, repr(told), code_key()
 
 
 _TELLING = ("OMP_", "MKL_", "ONEDNN_", "DNNL_", "ATEN_", "TORCH_", "KMP_", "CUDA_")

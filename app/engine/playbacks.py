@@ -125,6 +125,12 @@ class LoadedPlayback:
     branch: tuple[tuple[object, ...], Playback] | None = None
     """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
 
+    def wait(self) -> None:
+        """Wait until what was begun is computed, where that is another's work (a GPU's): then clocks tell the truth."""
+        from etnet.nets.runtime import device_of, wait_for
+
+        wait_for(device_of(self.playback.model))
+
     def num_seen(self, index: int) -> int:
         """How far the state of a window is warmed up, 0 … `warm_up`."""
         num_pixels = self.playback.recording.sensor.num_pixels
@@ -371,7 +377,7 @@ def _trial_milliseconds(model: Any) -> float:
     """The faster of two steps over an empty 128×96 window, ms."""
     import torch
 
-    from etnet.nets.runtime import device_of
+    from etnet.nets.runtime import device_of, wait_for
 
     device = device_of(model)
     voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
@@ -381,6 +387,7 @@ def _trial_milliseconds(model: Any) -> float:
             began = time.perf_counter()
             pyramid, _ = model.encode(voxel, None, ORIGINAL)
             model.decode(pyramid, None, ORIGINAL)
+            wait_for(device)
             times.append((time.perf_counter() - began) * 1000)
     return min(times)
 

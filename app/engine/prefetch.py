@@ -99,4 +99,5 @@ def _do(task: Task, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> No
         began = time.perf_counter()
         loaded.playback.at(index, cancelled=cancelled)
         if is_one_step:
+            loaded.wait()
             loaded.pace.note_whole((time.perf_counter() - began) * 1000)

@@ -89,8 +89,8 @@ def pin(
         site,
         head,
         direction,
-        choose_head(by_head, head).clone(),  # a copy, so that a pin does not hold on to every head
-        step.frame[0, 0].clone(),
+        choose_head(by_head, head).clone().cpu(),  # a copy, so that a pin does not hold on to every head
+        step.frame[0, 0].clone().cpu(),
         attention.grid,
     )
 

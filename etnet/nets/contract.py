@@ -31,7 +31,8 @@ class Contract:
     torch_version: str
     machine: str
     isa: str = ""
-    """The vector instructions that torch uses here ("AVX512"); empty where an older file does not say."""
+    """The vector instructions that torch uses here ("AVX512"), or the GPU's model and kernels; empty where an older
+    file does not say."""
 
 
 def contract_of_plain(plain: Mapping[str, Any]) -> Contract:

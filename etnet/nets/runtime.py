@@ -38,10 +38,24 @@ def device_of(model: object) -> torch.device:
 
 def contract_of(model: object) -> Contract:
     """The contract under which `model` runs now."""
-    runtime = getattr(model, "runtime", Runtime())
-    return Contract(
-        runtime, str(device_of(model)), torch.get_num_threads(), torch.__version__, platform.machine(), isa_of_machine()
-    )
+    runtime, device = getattr(model, "runtime", Runtime()), device_of(model)
+    isa = isa_of_machine() if device.type == "cpu" else isa_of_gpu(device)
+    return Contract(runtime, str(device), torch.get_num_threads(), torch.__version__, platform.machine(), isa)
+
+
+def wait_for(device: torch.device) -> None:
+    """Wait until a GPU has computed what it was given, so that a clock that is read now tells how long it took."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+
+
+@lru_cache
+def isa_of_gpu(device: torch.device) -> str:
+    """What of a GPU decides the last bits: its model, its compute capability and the version of cuDNN."""
+    if device.type != "cuda":
+        return device.type
+    major, minor = torch.cuda.get_device_capability(device)
+    return f"{torch.cuda.get_device_name(device)} sm_{major}{minor} cuDNN {torch.backends.cudnn.version()}"
 
 
 @lru_cache(maxsize=1)

@@ -256,7 +256,8 @@ class Playback:
 
     def _keep_state(self, index: int, state: State, playhead: int) -> None:
         self._states.put(index, state, playhead)
-        if (disk := self._usable_disk()) is not None:
+        # States stay on a GPU: one that is copied off it would make every step wait for the copy.
+        if device_of(self.model).type == "cpu" and (disk := self._usable_disk()) is not None:
             disk.put_state(index, state)
 
     def _state(self, index: int) -> State | None:
