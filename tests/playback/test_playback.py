@@ -15,11 +15,13 @@ from etnet.nets.attention import AttentionProbe
 from etnet.nets.etnet import ETNet
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
+from etnet.nets.runtime import apply_runtime
 from etnet.nets.storage import kept_alive
 from etnet.playback.playback import Playback
 from etnet.reconstruction import window_voxel
 from etnet.voxel import voxel_grid
 from etnet.windows import ByCount, plan_windows
+from tests.nets.test_packed import EVERY_PATH
 from tests.strategies import make_events
 
 NUM_WINDOWS = 12
@@ -171,11 +173,20 @@ def test_indices_outside_are_refused():
         _playback(MODEL, 1).at(NUM_WINDOWS)
 
 
-def test_a_long_random_walk_in_little_memory():
-    playback, walk = _playback(MODEL, budget_states=2, budget_frames=1), random.Random(0)
-    for _ in range(60):
+@pytest.mark.parametrize("runtime", EVERY_PATH, ids=str)
+@pytest.mark.parametrize("falls_back", [False, True])
+def test_a_long_random_walk_in_little_memory_is_exact_in_every_path(runtime, falls_back, monkeypatch):
+    if falls_back:
+        monkeypatch.setattr("etnet.nets.packed.has_onednn", lambda: False)
+        monkeypatch.setattr("etnet.nets.attention_kernels.has_onednn", lambda: False)
+    model, walk = build_model("tiny", torch.Generator().manual_seed(3)), random.Random(0)
+    apply_runtime(model, runtime)
+    truth = _sequential(model, _recording())
+    playback = _playback(model, budget_states=2, budget_frames=1)
+    for _ in range(20):
         index = walk.randrange(NUM_WINDOWS)
-        assert torch.equal(playback.at(index).frame, TRUTH[index].frame)
+        probe = AttentionProbe() if walk.random() < 0.3 else None
+        assert torch.equal(playback.at(index, probe).frame, truth[index].frame)
 
 
 def test_a_branch_that_edits_nothing_is_the_original_to_the_bit():
