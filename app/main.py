@@ -187,6 +187,7 @@ class Viewer:
         from app.catalogue.uploads import UploadLimits, Uploads
         from app.session.demo import MOST_VISITORS
         from app.session.presentation import Presentation
+        from app.session.ready import get_ready
         from app.views import VIEWS
         from app.views.live import VIEW as LIVE
         from app.views.own.load import own_views
@@ -224,6 +225,7 @@ class Viewer:
         self.port = self.server.get_port()
         if self.live is not None:
             self.live.start()
+        THREADS.start(partial(get_ready, self._views), "getting ready")
         if default.model_id:
             THREADS.start(self.catalogue.look_at_files, "looking at files")
             self.engine.prepare(default.model_id, default.precision)  # torch is imported now, the page is up

@@ -13,7 +13,7 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import Lock
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Literal
 
 from app.catalogue.cut import CutRecording
@@ -46,6 +46,8 @@ LOOK_EVERY = 1.0
 _PATIENCE = 20
 _UNPACKED = 4
 """A visitor's file may unpack to so many times what a visitor may hand over."""
+LOOK_AFTER = 3.0
+"""Seconds after the start in which the first page is drawn; only then the files of the list are looked at."""
 OPENS_WITHIN = 1.0
 """Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
 RUNNABLE_PIXELS = 160_000
@@ -70,7 +72,7 @@ class Catalogue:
         self._open: OrderedDict[str, Recording] = OrderedDict()
         self._opening: dict[str, Lock] = {}
         self._lock = Lock()
-        self._is_closed = False
+        self._closed = Event()
         self._private: dict[str, Entry] = {}
         self.films = Videos()
         self.facts = ListedFacts()
@@ -106,10 +108,13 @@ class Catalogue:
             for file in self.live.files()
         )
 
-    def look_at_files(self) -> None:
-        """Learn what the list says of files that can be opened in a moment. Called beside the page."""
+    def look_at_files(self, after: float = LOOK_AFTER) -> None:
+        """Learn what the list says of files that can be opened in a moment. Called beside the page, which comes first:
+        nothing is opened before `after` seconds have passed."""
+        if self._closed.wait(after):
+            return
         files = [(entry.id, entry.path) for entry in self._entries if entry.remote is None]
-        self.facts.look(files, lambda: self._is_closed)
+        self.facts.look(files, self._closed.is_set)
 
     def growing(self) -> tuple[str, ...]:
         """Names of files in the --data folder that are being written; they are offered once they rest."""
@@ -226,7 +231,7 @@ class Catalogue:
 
     def close(self) -> None:
         """Close every recording that is kept open."""
-        self._is_closed = True
+        self._closed.set()
         self.films.close()
         if self.live is not None:
             self.live.close()

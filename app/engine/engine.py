@@ -125,6 +125,7 @@ class Engine:
 
     def prepare(self, model_id: str, precision: str) -> None:
         """Load a model as soon as nobody waits, so that the first request finds it."""
+        self._gentle.pages_may_come()
         with self._book.changed:
             self._to_prepare = (model_id, precision)
             self._book.changed.notify_all()

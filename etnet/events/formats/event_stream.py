@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import struct
 
-import faery
-
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
@@ -34,6 +32,8 @@ def _open(request: Request) -> Opened:
 
 
 def _through_faery(request: Request, kind: str, declared: Sensor, remarks: Remarks) -> Collected:
+    import faery  # here, because its import takes a seventh of the viewer's start
+
     with contained(request.name, kind):
         stream = iter(faery.events_stream_from_file(request.path))
     packets = Packets(request, kind, _ROUGH_BYTES, lambda: next(stream, None))

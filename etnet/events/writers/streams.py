@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
-import faery
 import numpy as np
-from faery.file_encoder import events_to_file
 
 from etnet.errors import RecordingError
 from etnet.events.formats.prophesee.clock import mark_turns
@@ -51,6 +49,9 @@ def write_event_stream(part: Part, path: Path) -> tuple[Remark, ...]:
 
 
 def _through_faery(part: Part, path: Path, kind: Literal["es", "evt"], begins_at_0: bool) -> None:
+    import faery  # here, because its import takes a seventh of the viewer's start
+    from faery.file_encoder import events_to_file
+
     sensor = part.recording.sensor
     start = part.first_stamp() if begins_at_0 and part.first_stamp() < 0 else 0
     if kind == "evt" and start < 0:

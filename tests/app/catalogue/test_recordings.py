@@ -365,3 +365,17 @@ def test_a_visitors_file_is_named_as_he_names_it(folder):
     catalogue = Catalogue(ViewerConfig())
     catalogue.take_in(Entry("upload-1", "my walk.txt", "upload", "", folder / "inside" / "good.txt"))
     assert catalogue.open("upload-1").path.name == "my walk.txt"
+
+
+def test_the_list_is_looked_at_after_the_first_page_and_not_once_it_is_closed(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    opened = catalogue.entries()[0]
+    catalogue.look_at_files(after=0.0)
+    assert "×" in catalogue.facts.of(opened.id)
+    other = Catalogue(ViewerConfig(data=folder))
+    looking = threading.Thread(target=other.look_at_files, args=(60.0,))
+    looking.start()
+    other.close()
+    looking.join(10)
+    assert not looking.is_alive()
+    assert other.facts.of(opened.id) == ""

@@ -46,6 +46,19 @@ def test_an_import_waits_until_a_page_has_asked_for_its_frame(package, monkeypat
     thread.join()
 
 
+def test_after_the_start_a_browser_that_has_waited_comes_first(package, monkeypatch):
+    monkeypatch.setattr(gentle_import, "COMING", 20.0)
+    monkeypatch.setattr(gentle_import, "MOST_PAUSES", 20.0)
+    gentle, done = GentleImport(), threading.Event()
+    gentle.pages_may_come()
+    thread = threading.Thread(target=importing, args=(gentle, done))
+    thread.start()
+    assert not done.wait(0.1)
+    gentle.page_asks()
+    assert done.wait(10)
+    thread.join()
+
+
 def test_a_crowd_cannot_keep_the_network_away(package, monkeypatch):
     monkeypatch.setattr(gentle_import, "MOST_PAUSES", 0.05)
     gentle = GentleImport()
