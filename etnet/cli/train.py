@@ -28,7 +28,7 @@ def run(config: Train) -> int:
     from etnet.training.distributed import joined
     from etnet.training.loop import train
 
-    with joined() as world:
+    with joined(config.train.device) as world:
         report = _say if world.leads else None
         done = train(config.train, world, report, config.changed)
     if done.world.leads:

@@ -1,5 +1,7 @@
 """Checkpoints that are whole or not there at all, from which a run goes on to the same bits."""
 
+# pyright: reportPrivateImportUsage=false
+# There is no public name for torch's _foreach functions.
 from __future__ import annotations
 
 import copy
@@ -30,8 +32,8 @@ class RunningMean:
     def take(self, model: nn.Module, update: int) -> None:
         """Move towards the model's weights after its `update`-th update (from 1)."""
         share = min(self.share, (1 + update) / (10 + update))
-        for name, value in model.state_dict().items():
-            self.weights[name].lerp_(value, 1 - share)
+        now = model.state_dict()
+        torch._foreach_lerp_([self.weights[name] for name in now], list(now.values()), 1 - share)
 
     def model(self, model: nn.Module) -> nn.Module:
         """A copy of the model with the averaged weights."""
@@ -70,7 +72,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise TrainingError(f"{path}: not a checkpoint of a run ({error}); remove it or name another folder") from error
 
 
-CHANGEABLE = ("out", "validation", "threads", "log_every", "checkpoint_every", "start", "initialise")
+CHANGEABLE = ("out", "validation", "device", "threads", "log_every", "checkpoint_every", "start", "initialise")
 """Fields that may differ when a run is taken up: they change no weight that is still to come."""
 
 

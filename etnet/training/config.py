@@ -13,6 +13,7 @@ from etnet.nets.runtime import AttentionPath
 from etnet.simulation.config import SceneConfig, SensorConfig
 
 TrainPrecision = Literal["auto", "fp32", "bf16"]
+TrainDevice = Literal["auto", "cpu", "cuda"]
 
 
 class TrainingError(EtnetError):
@@ -222,6 +223,9 @@ class TrainConfig:
     seed: int = 0
     precision: TrainPrecision = "fp32"
     """"auto": bf16 where a trial update is faster in it. A run that is taken up keeps what was chosen."""
+    device: TrainDevice = "cpu"
+    """Where the network is trained; clips are simulated by processors in any case. "auto": a GPU where there is one. A
+    run may be taken up on another device than it began on."""
     attention: AttentionPath = "plain"
     channels_last: bool = False
     threads: int = 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from threading import Thread
@@ -45,6 +45,17 @@ class Stretch:
     """Where in its clip each one stands."""
     is_gamma: tuple[bool, ...]
     """Clips whose frames are gamma-coded although the run's target is linear."""
+
+    def pinned(self) -> Stretch:
+        """The same in memory from which a GPU copies while others work."""
+        return self._with(lambda tensor: tensor.pin_memory())
+
+    def to(self, device: torch.device) -> Stretch:
+        """The same where a network is; nothing waits for the copy. Flow stays: an update takes a few of its rows."""
+        return self._with(lambda tensor: tensor.to(device, non_blocking=True))
+
+    def _with(self, moved: Callable[[Tensor], Tensor]) -> Stretch:
+        return replace(self, voxels=moved(self.voxels), frames=moved(self.frames), is_cold=moved(self.is_cold))
 
 
 @dataclass(frozen=True, slots=True)
