@@ -32,7 +32,8 @@ def run(config: Train) -> int:
         report = _say if world.leads else None
         done = train(config.train, world, report, config.changed)
     if done.world.leads:
-        console.print(f"{config.train.out}: {done.update} updates, best validation LPIPS {done.best:.4f}")
+        end = "" if done.update == done.config.updates else f" of {done.config.updates}; the same command goes on"
+        console.print(f"{config.train.out}: {done.update} updates{end}, best validation LPIPS {done.best:.4f}")
     return 0
 
 

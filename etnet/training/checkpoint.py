@@ -72,7 +72,17 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise TrainingError(f"{path}: not a checkpoint of a run ({error}); remove it or name another folder") from error
 
 
-CHANGEABLE = ("out", "validation", "device", "threads", "log_every", "checkpoint_every", "start", "initialise")
+CHANGEABLE = (
+    "out",
+    "validation",
+    "device",
+    "threads",
+    "minutes",
+    "log_every",
+    "checkpoint_every",
+    "start",
+    "initialise",
+)
 """Fields that may differ when a run is taken up: they change no weight that is still to come."""
 
 

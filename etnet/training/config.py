@@ -229,6 +229,9 @@ class TrainConfig:
     attention: AttentionPath = "plain"
     channels_last: bool = False
     threads: int = 1
+    minutes: float | None = None
+    """The run ends after so many minutes, start included, and is taken up like any other. What an update does, its
+    learning rate too, never depends on it."""
     log_every: int = 100
     checkpoint_every: int = 50
 
@@ -242,6 +245,7 @@ class TrainConfig:
             self.loss.num_scored <= self.truncate,
             f"LossConfig.num_scored is {self.loss.num_scored}; a stretch has only {self.truncate} windows",
         )
+        _require(self.minutes is None or self.minutes > 0, f"TrainConfig.minutes is {self.minutes}; wanted more than 0")
         _require(self.threads >= 1, f"TrainConfig.threads is {self.threads}; wanted at least 1")
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from threading import Thread
@@ -170,7 +170,7 @@ def slot_of(config: TrainConfig, update: int, lane: int) -> Slot:
     return slot_at(done, lane, config.stages[stage].clips, chunks, config.truncate)
 
 
-def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Iterator[Stretch]:
+def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Generator[Stretch]:
     """One `Stretch` an update from update `start` on; `lanes[stage]` are the clips that this process holds."""
     workers = config.data.workers
     loader = DataLoader(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -52,7 +52,7 @@ def numbers_of(lines: Sequence[Mapping[str, Tensor | float]]) -> list[dict[str, 
     ]
 
 
-def ahead(items: Iterator[Item], make: Callable[[Item], Item]) -> Iterator[Item]:
+def ahead(items: Iterator[Item], make: Callable[[Item], Item]) -> Generator[Item]:
     """Every item as `make` makes it; a thread makes the next one while the present one is used."""
 
     def one() -> Item | None:

@@ -54,6 +54,14 @@ class World:
         distributed.all_gather(parts, own.contiguous())
         return torch.cat(parts)
 
+    def any_says(self, holds: bool, device: torch.device) -> bool:
+        """Whether it holds for any process. All have to ask."""
+        if self.size == 1:
+            return holds
+        told = torch.tensor(float(holds), device=device)
+        distributed.all_reduce(told, distributed.ReduceOp.MAX)
+        return bool(told)
+
     def wait(self) -> None:
         """Until every process is here."""
         if self.size > 1:

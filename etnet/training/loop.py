@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,12 +29,18 @@ Report = Callable[[str, int, dict[str, Any]], None]
 """Told the kind of a log line ("train", "validation"), the update and the numbers."""
 
 
-def train(config: TrainConfig, world: World | None = None, report: Report | None = None, changed: bool = False) -> Run:
-    """Train to the end of the config's stages, taking up the run in `config.out` where there is one.
+def train(
+    config: TrainConfig,
+    world: World | None = None,
+    report: Report | None = None,
+    changed: bool = False,
+    clock: Callable[[], float] = time.monotonic,
+) -> Run:
+    """Train to the end of the config's stages or minutes, taking up the run in `config.out` where there is one.
 
-    `changed` allows the run to go on under another config than it began with.
+    `changed` allows the run to go on under another config than it began with. `clock` gives seconds.
     """
-    world = world or World()
+    world, began = world or World(), clock()
     torch.set_num_threads(config.threads)
     last = config.out / LAST
     config = decided(replace(config, device=decided_device(config.device)), world, last)
@@ -45,17 +52,27 @@ def train(config: TrainConfig, world: World | None = None, report: Report | None
     coming = stretches(config, run.update, lanes)
     if config.device == "cuda":
         coming = ahead(coming, Stretch.pinned)
-    for stretch in coming:
-        run.step(stretch)
-        is_last = run.update == config.updates
-        if journal is not None:
-            journal.after_update(is_last)
-        if run.update % config.checkpoint_every == 0 or is_last:
-            checkpoint = run.checkpoint()
-            if world.leads:
-                save_checkpoint(checkpoint, last)
-            world.wait()
+    with closing(coming):
+        for stretch in coming:
+            run.step(stretch)
+            is_over = config.minutes is not None and world.any_says(clock() - began >= 60 * config.minutes, run.device)
+            is_last = is_over or run.update == config.updates
+            if is_over:  # before validation, during which a lent machine may go
+                _save(run, last)
+            if journal is not None:
+                journal.after_update(is_last)
+            if run.update % config.checkpoint_every == 0 or is_last:
+                _save(run, last)
+            if is_last:
+                break
     return run
+
+
+def _save(run: Run, last: Path) -> None:
+    checkpoint = run.checkpoint()
+    if run.world.leads:
+        save_checkpoint(checkpoint, last)
+    run.world.wait()
 
 
 def decided(config: TrainConfig, world: World, last: Path) -> TrainConfig:

@@ -145,7 +145,7 @@ def test_an_end_before_the_last_makes_no_more_than_one_ahead():
 
     coming = ahead(count(), make)
     assert [next(coming) for _ in range(3)] == [0, 1, 2]
-    coming.close()  # pyright: ignore[reportAttributeAccessIssue]
+    coming.close()
     assert made in ([0, 1, 2], [0, 1, 2, 3])
 
 
