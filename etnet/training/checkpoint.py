@@ -73,25 +73,34 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 
 CHANGEABLE = (
-    "out",
-    "validation",
-    "device",
-    "threads",
-    "minutes",
-    "log_every",
-    "checkpoint_every",
-    "start",
-    "initialise",
-)
+    "out", "validation", "device", "threads", "minutes", "log_every", "checkpoint_every", "start", "initialise",
+    "data.workers", "data.prefetch",
+)  # fmt: skip
 """Fields that may differ when a run is taken up: they change no weight that is still to come."""
+MOVABLE = ("data.photos", "data.cutouts")
+"""Folders that may lie elsewhere when a run is taken up: their own names count."""
 
 
 def check_same_run(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> None:
     """Raise unless the checkpoint was made under this config (`CHANGEABLE` fields aside)."""
-    now = config.as_plain()
-    changed = [name for name in now if name not in CHANGEABLE and now[name] != checkpoint.config.get(name)]
+    now, then = _comparable(config.as_plain()), _comparable(checkpoint.config)
+    changed = [name for name in now if now[name] != then.get(name)]
     if changed:
         raise TrainingError(
             f"{path}: was made with another {', '.join(changed)}; give the same, another --out, "
             "or go on from it on purpose with --changed"
         )
+
+
+def _comparable(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
+    """Each field under its whole name, "data.density", as far as it makes a run another."""
+    found: dict[str, object] = {}
+    for field, value in plain.items():
+        name = before + field
+        if name in CHANGEABLE:
+            continue
+        if isinstance(value, Mapping):
+            found |= _comparable(value, f"{name}.")
+        else:
+            found[name] = Path(value).name if name in MOVABLE and isinstance(value, str) else value
+    return found
