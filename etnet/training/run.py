@@ -13,6 +13,7 @@ from torch.optim import Optimizer
 from etnet.evaluation.lpips import LPIPS, load_lpips
 from etnet.nets.base import State
 from etnet.nets.etnet import ETNet
+from etnet.nets.padding import PATCH, TokenGrid
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, device_of
 from etnet.nets.weights import load_weights
@@ -182,7 +183,17 @@ def resume(config: TrainConfig, world: World, path: Path, changed: bool = False)
     run.averaged.weights = {name: value.to(run.device) for name, value in checkpoint.averaged.items()}
     run.optimiser.load_state_dict(checkpoint.optimiser)
     run.update, run.best = checkpoint.update, checkpoint.best
-    lanes = world.lanes(checkpoint.memory[0].shape[0]) if checkpoint.memory else range(0)
-    own = tuple(tensor[lanes.start : lanes.stop].clone().to(run.device) for tensor in checkpoint.memory)
+    memory = () if changed and not _is_of_clips(checkpoint.memory, config, run.update) else checkpoint.memory
+    lanes = world.lanes(memory[0].shape[0]) if memory else range(0)
+    own = tuple(tensor[lanes.start : lanes.stop].clone().to(run.device) for tensor in memory)
     run.state = State(own) if own else None
     return run
+
+
+def _is_of_clips(memory: tuple[Tensor, ...], config: TrainConfig, update: int) -> bool:
+    """Whether a state is one of the clips, by number and size, that the next update sees."""
+    if not memory or update >= config.updates:
+        return True
+    stage = config.stages[config.stage_at(update)[0]]
+    grid, sides = TokenGrid(*stage.size), PATCH // 2  # the first state lies at half the frame's size
+    return memory[0].shape[0] == stage.clips and memory[0].shape[-2:] == (sides * grid.rows, sides * grid.columns)

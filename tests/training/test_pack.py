@@ -1,10 +1,12 @@
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
 from dataclasses import replace
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import cv2
@@ -161,6 +163,32 @@ def test_what_it_needs_of_others_is_what_the_package_asks_for():
     asked = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert set(needs.NEEDS.values()) <= set(asked["dependencies"])
     assert asked["requires-python"] == ">=" + ".".join(map(str, needs.OLDEST_PYTHON))
+
+
+IMPORTED = """
+import sys
+from pathlib import Path
+from etnet.cli import train, train_options
+from etnet.training import needs
+from etnet.training.config import Stage, ValidationConfig
+from etnet.training.loop import train
+from tests.training.micro import micro
+validation = ValidationConfig(1, clips=1, windows=2, size=(40, 48), other_densities=(1.0,))
+train(micro(Path(sys.argv[1]), stages=(Stage(1, size=(40, 48)),), validation=validation))
+print(" ".join({name.partition(".")[0] for name in sys.modules}))
+"""
+
+
+def test_nothing_else_that_the_package_asks_for_is_imported(tmp_path: Path):
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    owners = packages_distributions()
+    used = {owner.lower() for name in done.stdout.split() for owner in owners.get(name, ())}
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    names = {re.split("[>=;]", one)[0] for one in asked}
+    listed = {re.split("[>=;]", one)[0] for one in needs.NEEDS.values()}
+    assert used & names == listed
 
 
 def test_what_is_missing_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
