@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import torch
@@ -53,14 +53,17 @@ def numbers_of(lines: Sequence[Mapping[str, Tensor | float]]) -> list[dict[str, 
 
 
 def ahead(items: Iterator[Item], make: Callable[[Item], Item]) -> Generator[Item]:
-    """Every item as `make` makes it; a thread makes the next one while the present one is used."""
+    """Every item as `make` makes it. A thread makes the first at once, and each next one while one is used."""
+    thread = ThreadPoolExecutor(1, thread_name_prefix="ahead")
 
     def one() -> Item | None:
         item = next(items, None)
         return None if item is None else make(item)
 
-    with ThreadPoolExecutor(1, thread_name_prefix="ahead") as thread:
-        coming = thread.submit(one)
-        while (item := coming.result()) is not None:
-            coming = thread.submit(one)
-            yield item
+    def in_order(coming: Future[Item | None]) -> Generator[Item]:
+        with thread:
+            while (item := coming.result()) is not None:
+                coming = thread.submit(one)
+                yield item
+
+    return in_order(thread.submit(one))

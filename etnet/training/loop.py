@@ -47,12 +47,11 @@ def train(
     if config.precision == "bf16" and not _has_fast_bf16(config):
         raise TrainingError("precision is bf16, but this machine multiplies bf16 slower than fp32; train with fp32")
     run = resume(config, world, last, changed) if last.exists() else begin(config, world)
-    journal = Journal(run, report) if world.leads else None
-    lanes = [world.lanes(stage.clips) for stage in config.stages]
-    coming = stretches(config, run.update, lanes)
-    if config.device == "cuda":
-        coming = ahead(coming, Stretch.pinned)
+    coming = stretches(config, run.update, [world.lanes(stage.clips) for stage in config.stages])
+    if run.device.type != "cpu":
+        coming = ahead(coming, Stretch.pinned)  # workers start while the clips of validation are made
     with closing(coming):
+        journal = Journal(run, report) if world.leads else None
         for stretch in coming:
             run.step(stretch)
             is_over = config.minutes is not None and world.any_says(clock() - began >= 60 * config.minutes, run.device)

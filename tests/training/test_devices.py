@@ -2,6 +2,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
 from pathlib import Path
+from threading import Event
 from typing import Literal
 
 import pytest
@@ -70,6 +71,13 @@ def test_after_a_checkpoint_no_update_waits_either(tmp_path: Path):
 def test_a_whole_run_on_another_device_leaves_files_that_know_no_device(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    pinned: list[torch.Size] = []
+
+    def pin(tensor: torch.Tensor) -> torch.Tensor:
+        pinned.append(tensor.shape)
+        return tensor
+
+    monkeypatch.setattr(torch.Tensor, "pin_memory", pin)
     monkeypatch.setattr(loop, "decided_device", lambda wanted: wanted)
     validation = ValidationConfig(every=4, clips=1, windows=3, size=(40, 48), score_every=2, other_densities=(1.0,))
     config = replace(everything(tmp_path), validation=validation)
@@ -77,6 +85,7 @@ def test_a_whole_run_on_another_device_leaves_files_that_know_no_device(
         run = loop.train(config)
     assert run.device == OTHER
     assert device.waits
+    assert len(pinned) == 3 * 6  # voxels, frames and beginnings of each update
     checkpoint = load_checkpoint(tmp_path / LAST)
     assert checkpoint.update == 6
     state = checkpoint.optimiser["state"].values()
@@ -134,6 +143,18 @@ def test_what_is_made_ahead_comes_in_order_and_once():
     assert next(coming) == 0
     assert list(coming) == [10, 20, 30, 40]
     assert made == [0, 1, 2, 3, 4]
+
+
+def test_the_first_is_made_before_anybody_asks():
+    is_made = Event()
+
+    def make(item: int) -> int:
+        is_made.set()
+        return item
+
+    coming = ahead(iter(range(2)), make)
+    assert is_made.wait(60)
+    assert list(coming) == [0, 1]
 
 
 def test_an_end_before_the_last_makes_no_more_than_one_ahead():
