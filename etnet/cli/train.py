@@ -25,14 +25,17 @@ def run(config: Train) -> int:
         return _export(config.train.out, config.export, config.best)
     if config.curves is not None:
         return _draw(config.train.out, config.curves)
+    if config.pack is not None:
+        return _pack(config, config.pack)
     from etnet.training.distributed import joined
     from etnet.training.loop import train
 
-    with joined() as world:
+    with joined(config.train.device) as world:
         report = _say if world.leads else None
         done = train(config.train, world, report, config.changed)
     if done.world.leads:
-        console.print(f"{config.train.out}: {done.update} updates, best validation LPIPS {done.best:.4f}")
+        end = "" if done.update == done.config.updates else f" of {done.config.updates}; the same command goes on"
+        console.print(f"{config.train.out}: {done.update} updates{end}, best validation LPIPS {done.best:.4f}")
     return 0
 
 
@@ -52,6 +55,17 @@ def _draw(folder: Path, target: Path) -> int:
 
     write_atomically(target, plot_runs([folder]).encode())
     console.print(f"{target}: the curves of {folder}")
+    return 0
+
+
+def _pack(config: Train, folder: Path) -> int:
+    from etnet.cli.train_options import command_line
+    from etnet.training.pack import write_pack
+
+    packed = write_pack(config.train, folder, int(1e6 * config.pack_megabytes), command_line, config.changed)
+    if config.train.validation.recordings:
+        console.print(f"{folder}: is validated on simulated clips alone; real recordings stay here")
+    console.print(f"{folder}: {packed.sentence}; there: sh run.sh")
     return 0
 
 

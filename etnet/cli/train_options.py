@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -27,6 +27,10 @@ class Train:
     """Export the weights with the lowest validation LPIPS, not the last ones."""
     curves: Path | None = None
     """Train nothing: draw the run's losses and validation to this file (.svg)."""
+    pack: Path | None = None
+    """Train nothing: write the run as a folder from which a machine without internet trains (there: sh run.sh)."""
+    pack_megabytes: float = 40
+    """Photos and cut-outs take at most so many million bytes of `--pack`; they are coded again where they would not."""
 
 
 def parse(arguments: Sequence[str], program: str) -> Train:
@@ -43,3 +47,29 @@ def parse(arguments: Sequence[str], program: str) -> Train:
     default = Train(RECIPES[name])
     names = ",".join(RECIPES)
     return parsed(Train, f"{program} [--config {{{names}}}]", rest, default, beside=("--config",))
+
+
+def command_line(config: TrainConfig) -> list[str]:
+    """The options that `parse` makes this config of: the nearest recipe, and what differs from it."""
+    alike = {name: recipe for name, recipe in RECIPES.items() if len(recipe.stages) == len(config.stages)}
+    assert alike, "the command line changes a recipe's stages, not how many there are"
+    told = {name: list(_differing(config, recipe)) for name, recipe in alike.items()}
+    nearest = min(told, key=lambda name: len(told[name]))
+    return ["--config", nearest, *(word for option in told[nearest] for word in option)]
+
+
+def _differing(value: Any, default: Any, name: str = "") -> Iterator[list[str]]:
+    """One option, as its words, for each field that differs."""
+    if is_dataclass(value):
+        for field in fields(value):
+            inner = f"{name}.{field.name}" if name else field.name
+            yield from _differing(getattr(value, field.name), getattr(default, field.name), inner)
+    elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+        for index, (item, standard) in enumerate(zip(value, default, strict=True)):
+            yield from _differing(item, standard, f"{name}.{index}")
+    elif value != default:
+        before, _, last = name.replace("_", "-").rpartition(".")
+        is_off = value is False
+        option = f"--{before}{'.' if before else ''}{'no-' if is_off else ''}{last}"
+        values = [] if isinstance(value, bool) else value if isinstance(value, tuple) else [value]
+        yield [option, *map(str, values)]

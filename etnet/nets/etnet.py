@@ -121,7 +121,7 @@ class Sequentialize(nn.Module):
         projected = self.project(feature)
         rows, columns = projected.shape[-2:]
         tokens = self.norm(rearrange(projected, "b d i j -> b (i j) d"))
-        return tokens + self.code(rows, columns, tokens.shape[-1], placement).to(tokens)
+        return tokens + self.code(rows, columns, tokens.shape[-1], placement).to(tokens, non_blocking=True)
 
 
 class TokenPyramidAggregation(nn.Module):

@@ -94,21 +94,21 @@ class PicturePool:
 
         Pictures are shrunk evenly if they would pass `max_bytes`. `progress` hears the fraction done.
         """
-        chosen = [path for path in _pictures(photos) if source_weights.get(_source(path), 1.0) > 0]
+        chosen = [path for path in pictures_in(photos) if source_weights.get(source_of(path), 1.0) > 0]
         chosen = [path for path in chosen if split == "all" or is_held_out(path.name) == (split == "held-out")]
-        objects = [] if cutouts is None else _pictures(cutouts)
+        objects = [] if cutouts is None else pictures_in(cutouts)
         objects = [path for path in objects if split == "all" or is_held_out(path.name) == (split == "held-out")]
         greys: list[Grey] = []
         for i, path in enumerate(chosen):
-            greys.append(_read(path, cv2.IMREAD_GRAYSCALE))
+            greys.append(read_photo(path))
             if progress is not None:
                 progress((i + 1) / (len(chosen) + len(objects)))
         shapes: list[Cutout] = []
         for i, path in enumerate(objects):
-            shapes.append(_read_cutout(path))
+            shapes.append(read_cutout(path))
             if progress is not None:
                 progress((len(chosen) + i + 1) / (len(chosen) + len(objects)))
-        weights = np.array([source_weights.get(_source(path), 1.0) for path in chosen], np.float64)
+        weights = np.array([source_weights.get(source_of(path), 1.0) for path in chosen], np.float64)
         if not len(weights):
             raise PictureError(f"{photos}: no picture of the split {split!r} in it; wanted .jpg, .png or .webp files")
         return PicturePool(_within(greys, max_bytes), weights / weights.sum(), shapes, [path.name for path in chosen])
@@ -128,11 +128,13 @@ class PicturePool:
         return self.cutouts[int(rng.integers(len(self.cutouts)))] if len(self.cutouts) else None
 
 
-def _source(path: Path) -> str:
+def source_of(path: Path) -> str:
+    """Where a picture comes from, by its file's name."""
     return path.name.split("__", 1)[0]
 
 
-def _pictures(folder: Path) -> list[Path]:
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures of a folder by name."""
     if not folder.is_dir():
         raise PictureError(f"{folder}: no such folder; name one that holds .jpg, .png or .webp pictures")
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in {".jpg", ".jpeg", ".png", ".webp"})
@@ -145,7 +147,13 @@ def _read(path: Path, flags: int) -> UInt8[np.ndarray, "*shape"]:
     return picture
 
 
-def _read_cutout(path: Path) -> Cutout:
+def read_photo(path: Path) -> Grey:
+    """A photo's grey."""
+    return _read(path, cv2.IMREAD_GRAYSCALE)
+
+
+def read_cutout(path: Path) -> Cutout:
+    """An object with its alpha."""
     picture = _read(path, cv2.IMREAD_UNCHANGED)
     if picture.ndim != 3 or picture.shape[2] != 4:
         raise PictureError(f"{path}: a cut-out needs an alpha channel, this has none; remove it")

@@ -1,5 +1,7 @@
 """Checkpoints that are whole or not there at all, from which a run goes on to the same bits."""
 
+# pyright: reportPrivateImportUsage=false
+# There is no public name for torch's _foreach functions.
 from __future__ import annotations
 
 import copy
@@ -30,8 +32,8 @@ class RunningMean:
     def take(self, model: nn.Module, update: int) -> None:
         """Move towards the model's weights after its `update`-th update (from 1)."""
         share = min(self.share, (1 + update) / (10 + update))
-        for name, value in model.state_dict().items():
-            self.weights[name].lerp_(value, 1 - share)
+        now = model.state_dict()
+        torch._foreach_lerp_([self.weights[name] for name in now], list(now.values()), 1 - share)
 
     def model(self, model: nn.Module) -> nn.Module:
         """A copy of the model with the averaged weights."""
@@ -70,16 +72,35 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise TrainingError(f"{path}: not a checkpoint of a run ({error}); remove it or name another folder") from error
 
 
-CHANGEABLE = ("out", "validation", "threads", "log_every", "checkpoint_every", "start", "initialise")
+CHANGEABLE = (
+    "out", "validation", "device", "threads", "minutes", "log_every", "checkpoint_every", "start", "initialise",
+    "data.workers", "data.prefetch",
+)  # fmt: skip
 """Fields that may differ when a run is taken up: they change no weight that is still to come."""
+MOVABLE = ("data.photos", "data.cutouts")
+"""Folders that may lie elsewhere when a run is taken up: their own names count."""
 
 
 def check_same_run(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> None:
     """Raise unless the checkpoint was made under this config (`CHANGEABLE` fields aside)."""
-    now = config.as_plain()
-    changed = [name for name in now if name not in CHANGEABLE and now[name] != checkpoint.config.get(name)]
+    now, then = _comparable(config.as_plain()), _comparable(checkpoint.config)
+    changed = [name for name in now if now[name] != then.get(name)]
     if changed:
         raise TrainingError(
             f"{path}: was made with another {', '.join(changed)}; give the same, another --out, "
             "or go on from it on purpose with --changed"
         )
+
+
+def _comparable(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
+    """Each field under its whole name, "data.density", as far as it makes a run another."""
+    found: dict[str, object] = {}
+    for field, value in plain.items():
+        name = before + field
+        if name in CHANGEABLE:
+            continue
+        if isinstance(value, Mapping):
+            found |= _comparable(value, f"{name}.")
+        else:
+            found[name] = Path(value).name if name in MOVABLE and isinstance(value, str) else value
+    return found

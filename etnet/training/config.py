@@ -13,6 +13,7 @@ from etnet.nets.runtime import AttentionPath
 from etnet.simulation.config import SceneConfig, SensorConfig
 
 TrainPrecision = Literal["auto", "fp32", "bf16"]
+TrainDevice = Literal["auto", "cpu", "cuda"]
 
 
 class TrainingError(EtnetError):
@@ -222,9 +223,15 @@ class TrainConfig:
     seed: int = 0
     precision: TrainPrecision = "fp32"
     """"auto": bf16 where a trial update is faster in it. A run that is taken up keeps what was chosen."""
+    device: TrainDevice = "cpu"
+    """Where the network is trained; clips are simulated by processors in any case. "auto": a GPU where there is one. A
+    run may be taken up on another device than it began on."""
     attention: AttentionPath = "plain"
     channels_last: bool = False
     threads: int = 1
+    minutes: float | None = None
+    """The run ends after so many minutes, start included, and is taken up like any other. What an update does, its
+    learning rate too, never depends on it."""
     log_every: int = 100
     checkpoint_every: int = 50
 
@@ -238,6 +245,7 @@ class TrainConfig:
             self.loss.num_scored <= self.truncate,
             f"LossConfig.num_scored is {self.loss.num_scored}; a stretch has only {self.truncate} windows",
         )
+        _require(self.minutes is None or self.minutes > 0, f"TrainConfig.minutes is {self.minutes}; wanted more than 0")
         _require(self.threads >= 1, f"TrainConfig.threads is {self.threads}; wanted at least 1")
 
     @property

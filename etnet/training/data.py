@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from threading import Thread
 
 import cv2
@@ -28,6 +30,9 @@ ClipKey = tuple[int, int, int]
 NICENESS = 19
 """Workers yield to everything else on the machine."""
 
+SPARE_FILES = 200
+"""Open files that a run may need beside those of its clips."""
+
 PARENT_LOOK_SECONDS = 1.0
 """How often a worker looks whether its run is still there."""
 
@@ -45,6 +50,17 @@ class Stretch:
     """Where in its clip each one stands."""
     is_gamma: tuple[bool, ...]
     """Clips whose frames are gamma-coded although the run's target is linear."""
+
+    def pinned(self) -> Stretch:
+        """The same in memory from which a GPU copies while others work."""
+        return self._with(lambda tensor: tensor.pin_memory())
+
+    def to(self, device: torch.device) -> Stretch:
+        """The same where a network is; nothing waits for the copy. Flow stays: an update takes a few of its rows."""
+        return self._with(lambda tensor: tensor.to(device, non_blocking=True))
+
+    def _with(self, moved: Callable[[Tensor], Tensor]) -> Stretch:
+        return replace(self, voxels=moved(self.voxels), frames=moved(self.frames), is_cold=moved(self.is_cold))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +175,10 @@ def slot_of(config: TrainConfig, update: int, lane: int) -> Slot:
     return slot_at(done, lane, config.stages[stage].clips, chunks, config.truncate)
 
 
-def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Iterator[Stretch]:
+def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Generator[Stretch]:
     """One `Stretch` an update from update `start` on; `lanes[stage]` are the clips that this process holds."""
     workers = config.data.workers
+    shares = workers > 0 and _fits_shared_memory(config)
     loader = DataLoader(
         ClipSource(config),
         batch_size=None,
@@ -169,7 +186,7 @@ def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Iterat
         num_workers=workers,
         prefetch_factor=config.data.prefetch if workers else None,
         worker_init_fn=_be_modest,
-        collate_fn=_as_is,  # pyright: ignore[reportArgumentType]  without batches it gets one clip
+        collate_fn=_as_tensors if shares else _as_is,  # pyright: ignore[reportArgumentType]  it gets one clip
         # Not "fork": OpenCV's and torch's threads do not survive one.
         multiprocessing_context="spawn" if workers else None,
         # The loader seeds its workers; a generator of its own keeps torch's global one untouched.
@@ -181,7 +198,8 @@ def stretches(config: TrainConfig, start: int, lanes: Sequence[range]) -> Iterat
         slots = {lane: slot_of(config, update, lane) for lane in lanes[stage]}
         for lane, slot in slots.items():
             if slot.begins or update == start:
-                held[lane] = next(clips)
+                clip = next(clips)
+                held[lane] = clip if isinstance(clip, Clip) else _of_tensors(*clip)
         yield _stretch([(held[lane], slot) for lane, slot in slots.items()], config.truncate)
 
 
@@ -202,6 +220,28 @@ def _stretch(lanes: list[tuple[Clip, Slot]], length: int) -> Stretch:
 
 def _as_is(clip: Clip) -> Clip:
     return clip
+
+
+def _as_tensors(clip: Clip) -> tuple[Tensor, Tensor, Tensor, bool]:
+    """torch hands tensors over in shared memory; arrays go through a pipe, at five times the cost for the run's own
+    process, which with many workers would do little else."""
+    return torch.from_numpy(clip.voxels), torch.from_numpy(clip.frames), torch.from_numpy(clip.flow), clip.is_gamma
+
+
+def _of_tensors(voxels: Tensor, frames: Tensor, flow: Tensor, is_gamma: bool) -> Clip:
+    return Clip(voxels.numpy(), frames.numpy(), flow.numpy(), is_gamma)
+
+
+def _fits_shared_memory(config: TrainConfig, folder: Path = Path("/dev/shm")) -> bool:
+    """Whether all clips that may be on their way fit twice; where they do not, a worker would be ended by a signal."""
+    if not folder.is_dir():
+        return False
+    data = config.data
+    num_clips = data.workers * (data.prefetch + 1) + max(stage.clips for stage in config.stages)
+    pixels = max(stage.size[0] * stage.size[1] for stage in config.stages)
+    num_bytes = 4 * num_clips * data.windows * pixels * (config.network.bins + 3)
+    num_files = 3 * num_clips + SPARE_FILES
+    return 2 * num_bytes <= shutil.disk_usage(folder).free and num_files <= os.sysconf("SC_OPEN_MAX")
 
 
 def _be_modest(worker: int) -> None:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, distributed, nn
 
-from etnet.training.config import TrainingError
+from etnet.training.config import TrainDevice, TrainingError
+from etnet.training.devices import decided_device
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,14 @@ class World:
         distributed.all_gather(parts, own.contiguous())
         return torch.cat(parts)
 
+    def any_says(self, holds: bool, device: torch.device) -> bool:
+        """Whether it holds for any process. All have to ask."""
+        if self.size == 1:
+            return holds
+        told = torch.tensor(float(holds), device=device)
+        distributed.all_reduce(told, distributed.ReduceOp.MAX)
+        return bool(told)
+
     def wait(self) -> None:
         """Until every process is here."""
         if self.size > 1:
@@ -60,13 +69,16 @@ class World:
 
 
 @contextmanager
-def joined() -> Iterator[World]:
-    """The world that torchrun's environment describes; one process alone without it."""
+def joined(device: TrainDevice = "cpu") -> Iterator[World]:
+    """The world that torchrun's environment describes; one process alone without it. On GPUs each process has one."""
     size = int(os.environ.get("WORLD_SIZE", "1"))
     if size == 1:
         yield World()
         return
-    distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    uses_gpu = decided_device(device) == "cuda"
+    if uses_gpu:
+        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+    distributed.init_process_group("nccl" if uses_gpu else "gloo")
     try:
         yield World(distributed.get_rank(), size)
     finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -15,3 +16,7 @@ class Film:
     name: str
     voxels: Float[Tensor, "t bins h w"]
     frames: Float[Tensor, "t 1 h w"]
+
+    def to(self, device: torch.device) -> Film:
+        """The same where a network is."""
+        return Film(self.name, self.voxels.to(device), self.frames.to(device))

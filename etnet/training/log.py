@@ -37,7 +37,7 @@ class RunLog:
 
     def preview(self, update: int, frames: Tensor, targets: Tensor) -> None:
         """Pairs of a frame (above) and its target (below), b 1 h w in 0 … 1, shown with a gamma of 2.2."""
-        rows = [np.concatenate(list(images.clamp(0, 1)[:, 0].numpy()), axis=1) for images in (frames, targets)]
+        rows = [np.concatenate(list(images.clamp(0, 1)[:, 0].cpu().numpy()), axis=1) for images in (frames, targets)]
         picture = (np.concatenate(rows) ** (1 / 2.2) * 255).round().astype(np.uint8)
         cv2.imwrite(str(self._folder / f"preview_{update:07d}.png"), picture)
 

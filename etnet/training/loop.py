@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from etnet.nets.precision import bf16_is_worth_trying
 from etnet.training.checkpoint import BEST, LAST, load_checkpoint, save_checkpoint
 from etnet.training.config import TrainConfig, TrainingError
 from etnet.training.data import Stretch, stretches
+from etnet.training.devices import ahead, decided_device, finish, numbers_of
 from etnet.training.distributed import World
 from etnet.training.films import Film
 from etnet.training.log import RunLog
@@ -27,31 +29,49 @@ Report = Callable[[str, int, dict[str, Any]], None]
 """Told the kind of a log line ("train", "validation"), the update and the numbers."""
 
 
-def train(config: TrainConfig, world: World | None = None, report: Report | None = None, changed: bool = False) -> Run:
-    """Train to the end of the config's stages, taking up the run in `config.out` where there is one.
+def train(
+    config: TrainConfig,
+    world: World | None = None,
+    report: Report | None = None,
+    changed: bool = False,
+    clock: Callable[[], float] = time.monotonic,
+) -> Run:
+    """Train to the end of the config's stages or minutes, taking up the run in `config.out` where there is one.
 
-    `changed` allows the run to go on under another config than it began with.
+    `changed` allows the run to go on under another config than it began with. `clock` gives seconds.
     """
-    world = world or World()
+    world, began = world or World(), clock()
     torch.set_num_threads(config.threads)
     last = config.out / LAST
-    config = decided(config, world, last)
-    if config.precision == "bf16" and not bf16_is_worth_trying():
+    config = decided(replace(config, device=decided_device(config.device)), world, last)
+    if config.precision == "bf16" and not _has_fast_bf16(config):
         raise TrainingError("precision is bf16, but this machine multiplies bf16 slower than fp32; train with fp32")
     run = resume(config, world, last, changed) if last.exists() else begin(config, world)
-    journal = Journal(run, report) if world.leads else None
-    lanes = [world.lanes(stage.clips) for stage in config.stages]
-    for stretch in stretches(config, run.update, lanes):
-        run.step(stretch)
-        is_last = run.update == config.updates
-        if journal is not None:
-            journal.after_update(is_last)
-        if run.update % config.checkpoint_every == 0 or is_last:
-            checkpoint = run.checkpoint()
-            if world.leads:
-                save_checkpoint(checkpoint, last)
-            world.wait()
+    coming = stretches(config, run.update, [world.lanes(stage.clips) for stage in config.stages])
+    if run.device.type != "cpu":
+        coming = ahead(coming, Stretch.pinned)  # workers start while the clips of validation are made
+    with closing(coming):
+        journal = Journal(run, report) if world.leads else None
+        for stretch in coming:
+            run.step(stretch)
+            is_over = config.minutes is not None and world.any_says(clock() - began >= 60 * config.minutes, run.device)
+            is_last = is_over or run.update == config.updates
+            if is_over:  # before validation, during which a lent machine may go
+                _save(run, last)
+            if journal is not None:
+                journal.after_update(is_last)
+            if run.update % config.checkpoint_every == 0 or is_last:
+                _save(run, last)
+            if is_last:
+                break
     return run
+
+
+def _save(run: Run, last: Path) -> None:
+    checkpoint = run.checkpoint()
+    if run.world.leads:
+        save_checkpoint(checkpoint, last)
+    run.world.wait()
 
 
 def decided(config: TrainConfig, world: World, last: Path) -> TrainConfig:
@@ -61,10 +81,16 @@ def decided(config: TrainConfig, world: World, last: Path) -> TrainConfig:
     if last.exists():
         kept = load_checkpoint(last).config["precision"]
         return replace(config, precision="bf16" if kept == "bf16" else "fp32")
-    if world.size > 1 or not bf16_is_worth_trying():  # several processes might decide differently
+    if world.size > 1 or not _has_fast_bf16(config):  # several processes might decide differently
         return replace(config, precision="fp32")
     fp32, bf16 = (replace(config, precision=precision) for precision in ("fp32", "bf16"))
     return bf16 if trial_seconds(bf16) < trial_seconds(fp32) else fp32
+
+
+def _has_fast_bf16(config: TrainConfig) -> bool:
+    if config.device == "cuda":
+        return torch.cuda.is_bf16_supported(including_emulation=False)
+    return bf16_is_worth_trying()
 
 
 def trial_seconds(config: TrainConfig, updates: int = 2) -> float:
@@ -82,8 +108,10 @@ def trial_seconds(config: TrainConfig, updates: int = 2) -> float:
     )
     seconds = []
     for _ in range(min(updates, config.updates)):
+        finish(run.device)
         start = time.perf_counter()
         run.step(stretch)
+        finish(run.device)
         seconds.append(time.perf_counter() - start)
     return min(seconds)
 
@@ -94,8 +122,9 @@ class Journal:
     def __init__(self, run: Run, report: Report | None) -> None:
         self._run = run
         self._report = report
-        self._films: list[Film] = films_of(run.config)
-        self._other: list[Film] = other_films(run.config) if run.config.validation.every else []
+        other = other_films(run.config) if run.config.validation.every else []
+        self._films: list[Film] = [film.to(run.device) for film in films_of(run.config)]
+        self._other: list[Film] = [film.to(run.device) for film in other]
         self._log = RunLog(run.config.out, run.update)
         if run.update == 0:
             self._log.write("config", 0, {"config": run.config.as_plain()})
@@ -114,10 +143,10 @@ class Journal:
             self._clock += time.perf_counter() - began
 
     def _means(self) -> dict[str, Any]:
-        recent, now = self._run.recent, time.perf_counter()
+        recent, now = numbers_of(self._run.recent), time.perf_counter()
         means = {name: float(np.mean([line[name] for line in recent])) for name in recent[0]}
         means["seconds_per_update"] = (now - self._clock) / len(recent)
-        recent.clear()
+        self._run.recent.clear()
         self._clock = now
         return means
 

@@ -33,10 +33,10 @@ class Terms:
     alive: Tensor
     temporal: Tensor
 
-    def numbers(self) -> dict[str, float]:
-        """For the log."""
+    def numbers(self) -> dict[str, Tensor]:
+        """For the log, not read yet: reading a number waits for the device that computes it."""
         names = ("total", "perceptual", "l1", "gradient", "tone", "context", "alive", "temporal")
-        return {name: float(getattr(self, name).detach()) for name in names}
+        return {name: getattr(self, name).detach() for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +90,6 @@ def without_tone(
 
     Gain and offset are not trained through: a frame must not gain by becoming easier to fit.
     """
-    if not bool(is_gamma.any()):
-        return prediction
     prediction = prediction.float()
     with torch.no_grad():
         mean, wanted = (image.mean((2, 3), keepdim=True) for image in (prediction, target))

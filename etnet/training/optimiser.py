@@ -42,6 +42,15 @@ class Muon(Optimizer):
         defaults = {"lr": 1e-3, "weight_decay": weight_decay, "momentum": momentum, "betas": (0.9, 0.999), "eps": 1e-8}
         super().__init__(groups, defaults)
 
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """As torch does it, but counts stay with the processor, which reads them at each step."""
+        super().load_state_dict(state_dict)
+        numbers = [number for group in state_dict["param_groups"] for number in group["params"]]
+        parameters = [parameter for group in self.param_groups for parameter in group["params"]]
+        for number, parameter in zip(numbers, parameters, strict=True):
+            if "count" in state_dict["state"].get(number, {}):
+                self.state[parameter]["count"] = state_dict["state"][number]["count"]
+
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """One update from the gradients that the parameters hold."""

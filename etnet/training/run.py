@@ -7,19 +7,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from etnet.evaluation.lpips import LPIPS, load_lpips
 from etnet.nets.base import State
 from etnet.nets.etnet import ETNet
+from etnet.nets.padding import PATCH, TokenGrid
 from etnet.nets.presets import build_model
-from etnet.nets.runtime import Runtime, apply_runtime
+from etnet.nets.runtime import Runtime, apply_runtime, device_of
 from etnet.nets.weights import load_weights
 from etnet.training.checkpoint import Checkpoint, RunningMean, check_same_run, load_checkpoint
 from etnet.training.config import OptimiserConfig, TrainConfig
 from etnet.training.context_reader import ContextReader, context_of
 from etnet.training.data import Stretch
+from etnet.training.devices import on_host
 from etnet.training.distributed import World
 from etnet.training.initialise import DEEP_PATH, start_attention_locally, start_locally, start_upsampler, take_fitting
 from etnet.training.losses import Pairs, Terms, drives_of, score, silence, without_tone
@@ -55,11 +57,17 @@ class Run:
     update: int = 0
     state: State | None = None
     best: float = math.inf
-    recent: list[dict[str, float]] = field(default_factory=list)
+    recent: list[dict[str, Tensor | float]] = field(default_factory=list)
+    """Of each update since the log's last line; not read before the next one (`devices.numbers_of`)."""
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return device_of(self.model)
 
     def step(self, stretch: Stretch) -> Terms:
-        """One update."""
-        config = self.config
+        """One update. Nothing in it waits for a GPU."""
+        config, stretch = self.config, stretch.to(self.device)
         stage, done = config.stage_at(self.update)
         draw = draw_update(config, self.update, self.world.lanes(config.stages[stage].clips))
         before = None if done == 0 else restart(self.state, stretch.is_cold)
@@ -81,7 +89,7 @@ class Run:
         self.update += 1
         self.state = state.detach()
         self.averaged.take(self.model, self.update)
-        self.recent.append({**terms.numbers(), "gradient_norm": float(norm), "learning_rate": rate})
+        self.recent.append({**terms.numbers(), "gradient_norm": norm, "learning_rate": rate})
         return terms
 
     def _forward(self, stretch: Stretch, before: State | None, draw: Draw) -> tuple[Terms, State]:
@@ -90,11 +98,15 @@ class Run:
             pyramid = blindfold(pyramid, draw.blind)
         with context_of(self.model) as contexts, drives_of(self.model) as drives:
             frames, _ = self.model.decode(pyramid, intervention=draw.intervention, placement=draw.placement)
-        targets, loss = stretch.frames[list(draw.scored)].flatten(0, 1), self.config.loss
+        # A list as an index would be copied to the device, and waited for.
+        targets, loss = torch.cat([stretch.frames[window] for window in draw.scored]), self.config.loss
         is_gamma = torch.tensor(stretch.is_gamma * len(draw.scored))
-        frames = without_tone(frames, targets, is_gamma)
-        reads = bool(loss.context) and not bool(is_gamma.all())
-        told = self.reader.error(contexts[0][~is_gamma], targets[~is_gamma]) if reads else None
+        if any(stretch.is_gamma):
+            frames = without_tone(frames, targets, is_gamma.to(self.device, non_blocking=True))
+        told = None
+        if loss.context and not all(stretch.is_gamma):
+            linear = (~is_gamma).nonzero()[:, 0].to(self.device, non_blocking=True)
+            told = self.reader.error(contexts[0][linear], targets[linear])
         alive = silence(drives) if loss.alive else None
         return score(frames, targets, loss, self.lpips, self._pairs(stretch, draw), told, alive), state
 
@@ -113,21 +125,22 @@ class Run:
         if not found:
             return None
         before, after, windows, lanes = (torch.tensor(column) for column in zip(*found, strict=True))
-        return Pairs(before, after, stretch.flow[windows, lanes])
+        moved = (there.to(self.device, non_blocking=True) for there in (before, after, stretch.flow[windows, lanes]))
+        return Pairs(*moved)
 
     def checkpoint(self) -> Checkpoint:
         """This moment. Every process has to ask for it, as each holds its own clips' memory."""
         memory = () if self.state is None else tuple(self.world.gathered(tensor) for tensor in self.state.tensors)
-        return replace(self.weights_only(), optimiser=self.optimiser.state_dict(), memory=memory)
+        return replace(self.weights_only(), optimiser=on_host(self.optimiser.state_dict()), memory=on_host(memory))
 
     def weights_only(self) -> Checkpoint:
         """What is worth keeping of this moment, but not enough to go on from."""
         return Checkpoint(
             update=self.update,
             config=self.config.as_plain(),
-            weights=self.model.state_dict(),
-            averaged=self.averaged.weights,
-            reader=self.reader.state_dict(),
+            weights=on_host(self.model.state_dict()),
+            averaged=on_host(self.averaged.weights),
+            reader=on_host(self.reader.state_dict()),
             optimiser={},
             memory=(),
             best=self.best,
@@ -148,11 +161,15 @@ def begin(config: TrainConfig, world: World) -> Run:
     if config.initialise == "upsampler":
         start_upsampler(model.upsampler, generator)
     assert config.precision != "auto", "the loop decides before a run begins"
-    apply_runtime(model, Runtime(config.precision, config.attention, config.channels_last))
+    assert config.device != "auto", "the loop decides before a run begins"
+    # Weights are drawn by the processor, so that a run begins alike on every device.
+    device = torch.device(config.device)
+    apply_runtime(model.to(device), Runtime(config.precision, config.attention, config.channels_last))
     model.train()
-    reader = ContextReader(config.network.dim, generator)
+    reader = ContextReader(config.network.dim, generator).to(device)
     optimiser = build_optimiser(model, reader.parameters(), config.optimiser)
-    return Run(config, world, model, RunningMean(model, config.optimiser.ema), optimiser, load_lpips(), reader)
+    averaged, lpips = RunningMean(model, config.optimiser.ema), load_lpips().to(device)
+    return Run(config, world, model, averaged, optimiser, lpips, reader)
 
 
 def resume(config: TrainConfig, world: World, path: Path, changed: bool = False) -> Run:
@@ -163,10 +180,20 @@ def resume(config: TrainConfig, world: World, path: Path, changed: bool = False)
     run = begin(config, world)
     run.model.load_state_dict(checkpoint.weights)
     run.reader.load_state_dict(checkpoint.reader)
-    run.averaged.weights = dict(checkpoint.averaged)
+    run.averaged.weights = {name: value.to(run.device) for name, value in checkpoint.averaged.items()}
     run.optimiser.load_state_dict(checkpoint.optimiser)
     run.update, run.best = checkpoint.update, checkpoint.best
-    lanes = world.lanes(checkpoint.memory[0].shape[0]) if checkpoint.memory else range(0)
-    own = tuple(tensor[lanes.start : lanes.stop].clone() for tensor in checkpoint.memory)
+    memory = () if changed and not _is_of_clips(checkpoint.memory, config, run.update) else checkpoint.memory
+    lanes = world.lanes(memory[0].shape[0]) if memory else range(0)
+    own = tuple(tensor[lanes.start : lanes.stop].clone().to(run.device) for tensor in memory)
     run.state = State(own) if own else None
     return run
+
+
+def _is_of_clips(memory: tuple[Tensor, ...], config: TrainConfig, update: int) -> bool:
+    """Whether a state is one of the clips, by number and size, that the next update sees."""
+    if not memory or update >= config.updates:
+        return True
+    stage = config.stages[config.stage_at(update)[0]]
+    grid, sides = TokenGrid(*stage.size), PATCH // 2  # the first state lies at half the frame's size
+    return memory[0].shape[0] == stage.clips and memory[0].shape[-2:] == (sides * grid.rows, sides * grid.columns)

@@ -94,7 +94,7 @@ def restart(state: State | None, is_cold: Bool[Tensor, " b"]) -> State | None:
 
 def blindfold(pyramid: Pyramid, blind: Bool[Tensor, "b rows columns"]) -> Pyramid:
     """The pyramid with levels 1 … 3 zero under the marked tokens; the head still sees the window's own events."""
-    keep = (~blind).unsqueeze(1).to(pyramid.levels[0].dtype)
+    keep = (~blind).unsqueeze(1).to(pyramid.levels[0], non_blocking=True)
     hidden = [
         level * interpolate(keep, scale_factor=PATCH // 2**index, mode="nearest")
         for index, level in enumerate(pyramid.levels)

@@ -13,7 +13,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from etnet.evaluation.lpips import LPIPS
-from etnet.events.open import open_recording
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.base import Pyramid, State
 from etnet.nets.etnet import ETNet
@@ -88,6 +87,9 @@ def simulated_films(config: TrainConfig) -> list[Film]:
 
 def recorded_film(path: Path, config: TrainConfig) -> Film:
     """The first windows between the frames of a real recording."""
+    # Where a run is trained away from home (`pack.py`), the readers' packages need not be there.
+    from etnet.events.open import open_recording
+
     recording = open_recording(path)
     try:
         windows = list(plan_windows(recording, BetweenFrames()))[: config.validation.windows]

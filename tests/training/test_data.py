@@ -1,3 +1,5 @@
+import os
+import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -8,6 +10,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from etnet.training import data
 from etnet.training.augment import Clip, augment
 from etnet.training.config import AugmentConfig, DataConfig, Stage
 from etnet.training.data import ClipSource, drawn_config, sequence_config, slot_at, stretches
@@ -51,13 +54,47 @@ def test_a_new_stage_has_its_size_and_begins_cold(tmp_path: Path):
     assert sizes == [(2, 2, 5, 40, 48)] * 2 + [(2, 1, 5, 48, 56)] * 2
 
 
+def test_many_clips_an_update_follow_from_its_number_alone(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(5, size=(40, 48), clips=16),))
+    whole = list(stretches(config, 0, [range(16)]))
+    assert {stretch.voxels.shape[1] for stretch in whole} == {16}
+    assert len({whole[0].voxels[:, lane].numpy().tobytes() for lane in range(16)}) == 16
+    for start in (2, 3):
+        for late, known in zip(stretches(config, start, [range(16)]), whole[start:], strict=True):
+            assert torch.equal(late.voxels, known.voxels)
+            assert late.first_window == known.first_window
+
+
 @pytest.mark.slow
-def test_a_worker_process_gives_the_same_clips(tmp_path: Path):
-    config = micro(tmp_path, stages=(Stage(2, size=(40, 48)),))
-    alone = list(stretches(config, 0, [range(2)]))
-    helped = list(stretches(replace(config, data=replace(config.data, workers=1)), 0, [range(2)]))
+@pytest.mark.filterwarnings("ignore:This DataLoader will create")  # more workers than this machine has cores
+@pytest.mark.parametrize("shares", [True, False])
+@pytest.mark.parametrize("workers", [1, 3])
+def test_worker_processes_give_the_same_clips_however_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int, shares: bool
+):
+    monkeypatch.setattr(data, "_fits_shared_memory", lambda config: shares)
+    config = micro(tmp_path, stages=(Stage(4, size=(40, 48)),))
+    alone = list(stretches(config, 1, [range(2)]))
+    helped = list(stretches(replace(config, data=replace(config.data, workers=workers)), 1, [range(2)]))
     for one, other in zip(alone, helped, strict=True):
         assert torch.equal(one.voxels, other.voxels)
+        assert torch.equal(one.frames, other.frames)
+        assert torch.equal(one.flow, other.flow)
+
+
+def test_clips_take_shared_memory_only_where_all_of_them_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    config = micro(tmp_path, stages=(Stage(1, size=(112, 112), clips=16),))
+    config = replace(config, data=replace(config.data, windows=40, workers=16))
+    needed = 2 * 4 * (16 * 7 + 16) * 40 * 112 * 112 * 8
+    usage = shutil.disk_usage(tmp_path)
+    fits = data._fits_shared_memory
+    for free, holds in ((needed, True), (needed - 1, False)):
+        monkeypatch.setattr(shutil, "disk_usage", lambda folder, free=free: usage._replace(free=free))
+        assert fits(config, tmp_path) == holds
+    assert not fits(config, tmp_path / "none")
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: usage._replace(free=needed))
+    monkeypatch.setattr(os, "sysconf", lambda name: 256)
+    assert not fits(config, tmp_path)
 
 
 def test_seeds_and_keys_give_different_clips(tmp_path: Path):

@@ -25,6 +25,21 @@ with joined() as world:
 """
 
 
+OUT_OF_TIME = """
+import sys
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from etnet.training.distributed import joined
+from etnet.training.loop import train
+from tests.training.test_distributed import shared
+with joined() as world:
+    # Looked at once at the start and after each update; the other process's clock stands still.
+    clock = (60.0 * minute * world.rank for minute in count()).__next__
+    train(replace(shared(Path(sys.argv[1])), minutes=3), world, clock=clock)
+"""
+
+
 def shared(out: Path) -> TrainConfig:
     """Twenty updates of four clips, with everything random switched on but dropout."""
     context = ContextConfig(skip_drop=0.5, skip_drop_end=0.5, blind_share=0.8)
@@ -32,27 +47,38 @@ def shared(out: Path) -> TrainConfig:
     return replace(config, network=replace(config.network, dropout=0.0))
 
 
-@pytest.mark.slow
-def test_two_processes_make_the_weights_of_one(tmp_path: Path):
+def two_processes(program: str, out: Path) -> None:
+    """Run a program as both ranks of a world of two, to the end."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
     members = [
         subprocess.Popen(
-            [sys.executable, "-c", MEMBER, str(tmp_path / "two")],
+            [sys.executable, "-c", program, str(out)],
             cwd=Path(__file__).resolve().parents[2],
             env={**environment, "WORLD_SIZE": "2", "RANK": str(rank), "LOCAL_RANK": str(rank)},
         )
         for rank in range(2)
     ]
     assert [member.wait(timeout=150) for member in members] == [0, 0]
+
+
+@pytest.mark.slow
+def test_two_processes_make_the_weights_of_one(tmp_path: Path):
+    two_processes(MEMBER, tmp_path / "two")
     train(shared(tmp_path / "one"))
     one, two = load_checkpoint(tmp_path / "one" / LAST), load_checkpoint(tmp_path / "two" / LAST)
     difference = max(float((one.weights[name] - two.weights[name]).abs().max()) for name in one.weights)
     assert difference < 1e-5
     for own, other in zip(one.memory, two.memory, strict=True):
         torch.testing.assert_close(own, other, atol=1e-4, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_when_one_process_runs_out_of_minutes_all_end(tmp_path: Path):
+    two_processes(OUT_OF_TIME, tmp_path)
+    assert load_checkpoint(tmp_path / LAST).update == 3
 
 
 def test_clips_that_do_not_divide_are_refused():

@@ -182,6 +182,16 @@ def test_another_config_is_refused_by_name(tmp_path: Path):
     assert train(longer, changed=True).update == 2
 
 
+@pytest.mark.parametrize("stage", [Stage(4, size=(40, 48), clips=2), Stage(4, size=(48, 56), clips=3)])
+def test_a_run_goes_on_with_other_clips_from_a_zero_state(tmp_path: Path, stage: Stage):
+    config = micro(tmp_path, stages=(Stage(3, size=(40, 48), clips=3),))
+    train(config)
+    run = train(replace(config, stages=(stage,)), changed=True)
+    assert run.update == 4
+    assert run.state is not None
+    assert run.state.tensors[0].shape[0] == stage.clips
+
+
 def test_a_file_that_is_no_checkpoint_is_refused(tmp_path: Path):
     (tmp_path / LAST).write_bytes(b"not a checkpoint")
     with pytest.raises(TrainingError, match="not a checkpoint"):
