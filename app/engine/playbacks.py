@@ -164,10 +164,11 @@ class LoadedPlayback:
     def grow(self, request: FrameRequest) -> None:
         """Take in what a recording that is still being made has become."""
         latest = self.playback.recording.latest
-        if latest is None or request.cold_at or request.index < len(self.windows):
+        if latest is None or request.index < len(self.windows):
             return
         recording = latest()
-        windows = windows_of(recording, request.policy, self.windows)
+        former = () if request.cold_at else self.windows  # those of a cold start are numbered from there
+        windows = from_window(windows_of(recording, request.policy, former), request.cold_at)
         self.playback.grow(recording, windows)
         if self.branch is not None:
             self.branch[1].grow(recording, windows)
