@@ -295,6 +295,8 @@ class Session:
         before = self._state
         for intent in intents:
             self._state = reduce_views(self._state, intent, self._held.limits(self._state), self._views)
+        if self._state.index != before.index:
+            self._moved_at = time.monotonic()  # at once: nothing that can wait for rest is done for a first window
         if arrangement_of(self._state) != arrangement_of(before):
             self._layout.arrange(self._state)
 
