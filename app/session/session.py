@@ -325,8 +325,8 @@ class Session:
             self._is_dirty = False
             self._pushed_at = time.monotonic()
             self._push()
-        if not self._keeper.keep(self._state) and not self._is_dirty:
-            self._glanced_at = min(self._glanced_at, time.monotonic() - GLANCE)
+        if self._state.is_playing or not self._is_moving():
+            self._keeper.keep(self._state)
 
     def _follows(self) -> bool:
         """Whether the page goes with a source."""
