@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from queue import SimpleQueue
 from typing import Any
 
@@ -381,11 +382,8 @@ class Session:
         if self._answers.ask(request):
             self._engine.request(self._visitor, request, self._hear)
         self._comparing.ask(runs)
-        jobs = jobs_of(state, request, moment, runs, self._views, self._num_seen)
-        if self._is_moving() or state.is_playing:
-            self._studying.keep(jobs)
-        else:
-            self._studying.want(jobs)
+        jobs = partial(jobs_of, state, request, moment, runs, self._views, self._num_seen)
+        self._studying.follow(state, self._is_moving() or state.is_playing, jobs)
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""
