@@ -38,6 +38,8 @@ class Booth:
     ) -> None:
         self._seat = seat
         self.mirror, self.homes, self.public_url = mirror, homes, public_url.rstrip("/")
+        self.is_active = mirror is not None or seat is not None
+        """Whether a camera or a presenter may move the page; without either, only its visitor does."""
         self._moved_at = 0.0
 
     def listen(self, post: Callable[[MirrorNews | Presented], None]) -> None:

@@ -64,6 +64,7 @@ class PageComposer:
         refused: Refused = NOTHING_REFUSED,
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced, by a finger or because it plays."""
+        booth, is_shared = self.booth, self.booth.is_active
         frames, facts, limits = self.frames, self.known.of(state), self.loader.limits(state)
         shown_index = frames.ready.request.index if limits.is_live and frames.ready is not None else None
         page = Page(
@@ -97,10 +98,10 @@ class PageComposer:
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
             refused=refused.why,
-            mirror=self.booth.shown(moment, frames.index),
-            presenting=self.booth.presenting,
-            gives_home=self.booth.homes is not None,
-            public_url=self.booth.public_url,
+            mirror=booth.shown(moment, frames.index) if is_shared else None,
+            presenting=booth.presenting if is_shared else "",
+            gives_home=booth.homes is not None,
+            public_url=booth.public_url,
         )
         opened = open_views(state, self.views)
         marking = dict.fromkeys((*opened, *changing_views(state, self.views)))
