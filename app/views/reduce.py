@@ -18,8 +18,10 @@ def reduce_views(state: ViewState, intent: Any, limits: Limits, views: Sequence[
     here = Here(state, limits)
     changed = []
     for view in views:
-        before = view.of(state)
         is_set = isinstance(intent, ask.Set) and intent.view == view.name
+        if not is_set and not view.hears(intent):
+            continue
+        before = view.of(state)
         # What was set goes through the view's own reducer, too: fields may depend on each other.
         after = view.reduce(_set(before, intent) if is_set else before, intent, here)
         if after is not before:

@@ -119,6 +119,9 @@ class View:
     is_public: bool = False
     """Whether it is part of a page in public, where a visitor may change it."""
     reduce: Reducer = _unchanged
+    """Is asked for the intents of its own `state.py`, for what sets a field of its slice, and for `intents`."""
+    intents: tuple[type, ...] = ()
+    """What it hears beside its own: intents of the page, and of what lies below the views."""
     hear: Callable[[str], Any] = _nothing_heard
     """A click on HTML of its own, `data-k="name:words"` → an intent; `None` for words that it does not use."""
     jobs: Callable[[ViewState, FrameRequest], Mapping[str, Job]] = _no_jobs
@@ -141,6 +144,11 @@ class View:
     def of(self, state: ViewState) -> Any:
         """Its slice of a page's state."""
         return state.of(type(self.initial))
+
+    def hears(self, intent: Any) -> bool:
+        """Whether an intent may say something to its slice."""
+        kind = type(intent)
+        return kind in self.intents or kind.__module__ == type(self.initial).__module__
 
 
 def tabs(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:

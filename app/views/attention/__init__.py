@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from app.state import intents as ask
 from app.views.attention.state import AttentionState, hear, reduce_attention
 from app.views.view import Card, View
 
@@ -46,6 +47,7 @@ VIEW = View(
     ),
     is_public=True,
     reduce=reduce_attention,
+    intents=(ask.OpenRecording, ask.ReopenRecording),
     hear=hear,
     jobs=_jobs,
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.state import intents as ask
 from app.views.scene.state import SceneState, hear, reduce_scene
 from app.views.view import Card, View
 
@@ -29,5 +30,6 @@ VIEW = View(
     cards=(Card("scene", frozenset({"demo"}), frozenset({"inspect", "recording"})),),
     is_public=True,
     reduce=reduce_scene,
+    intents=(ask.ShowWorkspace,),
     hear=hear,
 )
