@@ -62,6 +62,7 @@ class Layout:
     width: int = 0
     _open: set[str] = field(default_factory=set)
     _unsuited: frozenset[str] = frozenset()
+    _suited_to: str | None = None
 
     def arrange(self, state: ViewState) -> None:
         """Open the tab that a state names, close the others."""
@@ -77,7 +78,10 @@ class Layout:
             self.main.set_width(width)
 
     def suit(self, page: Page) -> None:
-        """Note which views can do something for what is open."""
+        """Note which views can do something for what is open; while windows pass, these stay the same."""
+        if page.is_moving and page.state.recording_id == self._suited_to:
+            return
+        self._suited_to = page.state.recording_id
         self._unsuited = frozenset(view.name for view in self.views if not view.suits(page))
 
     def _show_tabs(self, state: ViewState) -> None:

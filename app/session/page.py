@@ -19,7 +19,7 @@ from app.session.standing import NOTHING_REFUSED, Refused
 from app.state.link import to_link
 from app.state.view_state import ViewState
 from app.views.page import Page, RunFrame
-from app.views.view import View, areas, changing_views, open_views
+from app.views.view import View, areas, changing_views, speaking_views
 
 SCENE_INTERVAL = 1 / 12
 """Seconds between two pushes to the 3-D scene while it moves: a browser that is sent more textures shows fewer."""
@@ -103,8 +103,10 @@ class PageComposer:
             gives_home=booth.homes is not None,
             public_url=booth.public_url,
         )
-        opened = open_views(state, self.views)
+        opened = speaking_views(state, self.views, results)
         marking = dict.fromkeys((*opened, *changing_views(state, self.views)))
+        if not marking:
+            return page
         clouds = (cloud for view in opened if (cloud := view.cloud(page)) is not None)
         return replace(
             page, over_timeline="".join(view.over_timeline(page) for view in marking), cloud=next(clouds, None)

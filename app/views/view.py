@@ -135,11 +135,11 @@ class View:
     run_jobs: Callable[[ViewState, Moment, Sequence[RunFrame], NumSeen], Mapping[str, Job]] = _no_run_jobs
     """What it wants computed of these runs."""
     over_timeline: Callable[[Page], str] = _nothing_over
-    """SVG that it draws over the timeline."""
+    """SVG that it draws over the timeline; asked where its slice is not as it began, or an answer of its own is there."""
     perform: Callable[[Any, VisitorCatalogue], None] = _nothing_done
     """What an intent does beyond the page: to a source, to a file of the host's. Asked before `reduce`; never waits."""
     cloud: Callable[[Page], Callable[[int], EventCloud] | None] = _no_cloud
-    """The events of the scene in colours of its own, for a number of points at most."""
+    """The events of the scene in colours of its own, for a number of points at most; asked as `over_timeline` is."""
 
     def of(self, state: ViewState) -> Any:
         """Its slice of a page's state."""
@@ -167,6 +167,15 @@ def touched_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
 def changing_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
     """The touched views that change requests for frames: what they mark on the timeline is seen in every workspace."""
     return tuple(view for view in touched_views(state, views) if view.change_request is not _as_asked)
+
+
+def speaking_views(state: ViewState, views: Sequence[View], results: Mapping[str, object]) -> tuple[View, ...]:
+    """The open views that may have something to add to the timeline or the scene: touched, or with an answer.
+
+    The slot of a view's answer begins with the view's name and a full stop.
+    """
+    owners = {slot.partition(".")[0] for slot in results} | {slice_.view for slice_ in state.slices}
+    return tuple(view for view in open_views(state, views) if view.name in owners) if owners else ()
 
 
 def open_tab(state: ViewState, views: Sequence[View]) -> View | None:
