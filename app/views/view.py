@@ -135,7 +135,7 @@ class View:
     run_jobs: Callable[[ViewState, Moment, Sequence[RunFrame], NumSeen], Mapping[str, Job]] = _no_run_jobs
     """What it wants computed of these runs."""
     over_timeline: Callable[[Page], str] = _nothing_over
-    """SVG that it draws over the timeline; asked where its slice is not as it began, or an answer of its own is there."""
+    """SVG that it draws over the timeline; asked where its slice is not as it began, or it has an answer."""
     perform: Callable[[Any, VisitorCatalogue], None] = _nothing_done
     """What an intent does beyond the page: to a source, to a file of the host's. Asked before `reduce`; never waits."""
     cloud: Callable[[Page], Callable[[int], EventCloud] | None] = _no_cloud

@@ -10,7 +10,7 @@ from app.html.icons import icon
 from app.html.provenance import all_facts_html, provenance_html
 from app.state.view_state import Workspace
 from app.views.events.html import style_html
-from app.views.inspect.state import InspectState
+from app.views.inspect.state import NO_CHANGE, InspectState
 from app.views.page import Page
 from app.views.reconstruction.html import tone_html
 
@@ -67,7 +67,7 @@ def change_chip(page: Page) -> str:
     """What is changed on purpose, by name and since which window; a click shows it. Nothing while nothing is."""
     inspected = page.state.of(InspectState)
     change = inspected.change
-    if change.is_nothing:
+    if change is NO_CHANGE or change.is_nothing:
         return ""
     words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
     if inspected.shows_original:

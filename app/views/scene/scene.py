@@ -116,8 +116,9 @@ def picture_of(page: Page, is_phone: bool) -> tuple[object, UInt8[np.ndarray, "h
         return ("events", page.moment.key, style), image.colours
     if ready is None or state.of(DemoState).guess == "asked":
         return None, None
-    lags, look, tones = page.lags, look_of(page), tones_of(page)
-    if (shows_act or state.workspace == "attention") and look is not None and ready.attention is not None:
+    lags, tones = page.lags, tones_of(page)
+    look = look_of(page) if shows_act or state.workspace == "attention" else None
+    if look is not None and ready.attention is not None:
         site = state.of(AttentionState).site
         site = site_in(ready.attention, site) if ready.attention.sites else site
         image = attention_image(ready, look, site)
