@@ -27,13 +27,15 @@ class LinksNode:
         self._scene = scene
         self._lines: dict[int, viser.LineSegmentsHandle] = {}
         self._shown: object = None
+        self.is_shown = False
+        """Whether any link is drawn."""
 
     def show(self, space: Space, query: tuple[int, int] | None, links: tuple[Link, ...]) -> None:
         """Draw the links of a query; none takes all away."""
         key = (space, query, links)
         if key == self._shown:
             return
-        self._shown = key
+        self._shown, self.is_shown = key, bool(links)
         scales = {link.scale for link in links}
         for scale, lines in self._lines.items():
             lines.visible = scale in scales

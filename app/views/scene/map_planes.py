@@ -20,6 +20,8 @@ class MapPlanes:
         self._space: Space | None = None
         self._planes: list[viser.ImageHandle] = []
         self._shown: object = None
+        self.is_shown = False
+        """Whether any map stands there."""
 
     def show(self, space: Space, key: object, pictures: tuple[Picture, ...]) -> None:
         """Stand the pictures one behind the other through the window's depth; the same `key` is the same pictures."""
@@ -37,4 +39,4 @@ class MapPlanes:
                 self._planes[i].image, self._planes[i].position = picture, (0.0, 0.0, z)
             else:
                 self._planes.append(add_plane(self._scene, f"/maps/{i}", space, picture, z))
-        self._shown = (space, key, len(pictures))
+        self._shown, self.is_shown = (space, key, len(pictures)), bool(pictures)

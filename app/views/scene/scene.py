@@ -58,8 +58,11 @@ class SceneView:
             if cloud is not None:
                 self._cloud.show(space, cloud, has_scale=state.workspace != "demo")
             self._plane.show(space, key, picture, page.is_moving)
-            self._maps.show(space, *_maps(page, behind))
-            self._links.show(space, state.query, links_of(page.ready, state.query) if attention.shows_links else ())
+            if behind or self._maps.is_shown:
+                self._maps.show(space, *_maps(page, behind))
+            if attention.shows_links or self._links.is_shown:
+                links = links_of(page.ready, state.query) if attention.shows_links else ()
+                self._links.show(space, state.query, links)
         self._place(space, page)
         return cloud
 
