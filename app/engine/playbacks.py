@@ -55,8 +55,9 @@ DiskFor = Callable[[FrameRequest], "DiskCache | None"]
 """Where the playback of a request keeps its frames between two runs; `None`: nowhere."""
 
 
-def _nowhere(request: FrameRequest) -> None:
-    return None
+def nowhere(request: FrameRequest) -> None:
+    """Nothing is kept."""
+    return
 
 
 HELD_UP = 4
@@ -208,7 +209,7 @@ class PlaybackCache:
         device: str,
         threads: int | None,
         load: Loader | None = None,
-        disk_for: DiskFor = _nowhere,
+        disk_for: DiskFor = nowhere,
         tunes: bool = False,
     ) -> None:
         """`tunes`: networks run with the kernels that were measured to be fastest here."""
