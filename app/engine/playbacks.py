@@ -16,7 +16,7 @@ from app.catalogue.cut import CutRecording, windows_of
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
 from app.engine.denoised import cleaned_once
-from app.engine.requests import FrameRequest
+from app.engine.requests import FrameKey, FrameRequest, PlaybackKey
 from app.engine.warmth import SPARSEST, windows_seen
 from etnet.byte_cache import ByteCache
 from etnet.errors import ModelError, WindowError
@@ -222,9 +222,9 @@ class PlaybackCache:
         self._threads = threads
         self._load = load or load_network
         self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
-        self._stages: OrderedDict[tuple[object, ...], LoadedPlayback] = OrderedDict()
+        self._stages: OrderedDict[PlaybackKey, LoadedPlayback] = OrderedDict()
         share = int(budget_bytes * ATTENTION_SHARE)
-        self._attention: ByteCache[tuple[object, ...], Attention] = ByteCache(share, overhead=0, fewest=1)
+        self._attention: ByteCache[FrameKey, Attention] = ByteCache(share, overhead=0, fewest=1)
 
     def start(self) -> None:
         """Import torch and set its threads, for this thread and process."""
@@ -245,7 +245,7 @@ class PlaybackCache:
             self._models[key] = (model, _trial_milliseconds(model))
             while len(self._models) > KEPT_MODELS:
                 gone, _ = self._models.popitem(last=False)
-                self._let_go([name for name in self._stages if (name[1], name[2]) == gone])
+                self._let_go([name for name in self._stages if name.network == gone])
         self._models.move_to_end(key)
         return self._models[key]
 
@@ -273,21 +273,21 @@ class PlaybackCache:
         """The playback for a request if there is one; makes none."""
         return self._stages.get(request.playback)
 
-    def held_keys(self) -> frozenset[tuple[object, ...]]:
+    def held_keys(self) -> frozenset[PlaybackKey]:
         """Which playbacks are kept, by `FrameRequest.playback`."""
         return frozenset(self._stages)
 
     def forget(self, recording_id: str) -> None:
         """Forget every playback of a recording."""
-        self._let_go([key for key in self._stages if is_of(str(key[0]), recording_id)])
+        self._let_go([key for key in self._stages if is_of(key.recording_id, recording_id)])
 
     def attention(self, request: FrameRequest) -> Attention | None:
         """The attention of a request's frame, if it is still held."""
-        return self._attention.find((*request.playback, *request.frame))
+        return self._attention.find(request.key)
 
     def keep_attention(self, request: FrameRequest, attention: Attention) -> None:
         """Hold a frame's attention for the next request; the oldest go when their share of the budget is full."""
-        self._attention.keep((*request.playback, *request.frame), attention, attention.nbytes)
+        self._attention.keep(request.key, attention, attention.nbytes)
 
     def _new_stage(self, request: FrameRequest) -> LoadedPlayback:
         from etnet.nets.runtime import contract_of
@@ -317,7 +317,7 @@ class PlaybackCache:
 
         What is not measured is tried when nobody waits (`try_kernels`), for the next start.
         """
-        is_in_use = any(key[1:3] == (request.model_id, request.precision) for key in self._stages)
+        is_in_use = any(key.network == request.playback.network for key in self._stages)
         if not self._tunes or is_in_use or not hasattr(model, "runtime") or not hasattr(model, "config"):
             return
         from etnet.nets.tuning import apply_kept
@@ -339,10 +339,10 @@ class PlaybackCache:
         """Whether kernels are to be tried once nobody waits."""
         return self._untried is not None
 
-    def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
+    def _let_go(self, keys: Sequence[PlaybackKey]) -> None:
         for key in keys:
             del self._stages[key]
-            self._attention.forget(lambda frame, of=key: frame[: len(of)] == of)
+            self._attention.forget(lambda frame, of=key: frame[0] == of)
         if keys:
             self._divide()
 

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from app.engine.playbacks import LoadedPlayback, Pace
-from app.engine.requests import FrameRequest
+from app.engine.requests import FrameRequest, PlaybackKey
 
 if TYPE_CHECKING:
     from etnet.playback.playback import CacheReport
@@ -20,8 +20,8 @@ class Published:
     """Written by the engine's thread; whole values replace each other, so anybody may read."""
 
     def __init__(self) -> None:
-        self._cached: dict[tuple[object, ...], CacheReport] = {}
-        self._paces: dict[tuple[object, ...], Pace] = {}
+        self._cached: dict[PlaybackKey, CacheReport] = {}
+        self._paces: dict[PlaybackKey, Pace] = {}
         self._precisions: dict[tuple[str, str], str] = {}
         self._told_at = 0.0
 
@@ -53,7 +53,7 @@ class Published:
         runtime = getattr(model, "runtime", None)
         self._precisions[model_id, precision] = runtime.precision if runtime else "fp32"
 
-    def keep_only(self, playbacks: Collection[tuple[object, ...]]) -> None:
+    def keep_only(self, playbacks: Collection[PlaybackKey]) -> None:
         """Forget what was told of playbacks that are gone."""
         self._cached = {key: report for key, report in self._cached.items() if key in playbacks}
         self._paces = {key: pace for key, pace in self._paces.items() if key in playbacks}

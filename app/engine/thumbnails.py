@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float16, Float32
 
 from app.catalogue.recording_id import is_of
-from app.engine.requests import FrameRequest
+from app.engine.requests import FrameKey, FrameRequest
 from etnet.byte_cache import ByteCache
 
 LARGEST = 8 << 20
@@ -20,30 +20,25 @@ class Thumbnails:
     """The newest small frames by what was asked for; the oldest go when there is no room."""
 
     def __init__(self, largest: int = LARGEST) -> None:
-        self._held: ByteCache[tuple[object, ...], Float16[np.ndarray, "h w"]] = ByteCache(largest, overhead=0)
+        self._held: ByteCache[FrameKey, Float16[np.ndarray, "h w"]] = ByteCache(largest, overhead=0)
 
     def keep(self, request: FrameRequest, frame: Float32[np.ndarray, "h w"]) -> None:
         """Keep a small copy of an exact frame, unless it is held."""
-        self._held.get(thumbnail_key(request), lambda: _small(frame), lambda small: small.nbytes)
+        self._held.get(request.key, lambda: _small(frame), lambda small: small.nbytes)
 
     def find(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
         """The small frame of a request; `None` where none is held."""
-        small = self._held.find(thumbnail_key(request))
+        small = self._held.find(request.key)
         return None if small is None else small.astype(np.float32)
 
     def forget(self, recording_id: str) -> None:
         """Forget a recording's frames."""
-        self._held.forget(lambda key: is_of(str(key[0]), recording_id))
+        self._held.forget(lambda key: is_of(key[0].recording_id, recording_id))
 
     @property
     def nbytes(self) -> int:
         """Bytes held."""
         return self._held.nbytes
-
-
-def thumbnail_key(request: FrameRequest) -> tuple[object, ...]:
-    """What tells a frame from every other."""
-    return (*request.playback, *request.frame)
 
 
 def _small(frame: Float32[np.ndarray, "h w"]) -> Float16[np.ndarray, "h w"]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 from app.engine.engine import Engine
 from app.engine.jobs import JobResult
-from app.engine.thumbnails import thumbnail_key
 from app.html.moment import Moment
 from app.html.timeline_marks import Cached, Hovered
 from app.session.booth import Booth
@@ -125,4 +124,4 @@ class PageComposer:
             return None
         limits = self.loader.limits(state)
         there = replace(request, index=limits.index_at(limits.start + round(hovers_at * 1e6)))
-        return Hovered(hovers_at, there.index, self.engine.thumbnail(there), thumbnail_key(there))
+        return Hovered(hovers_at, there.index, self.engine.thumbnail(there), there.key)
