@@ -390,8 +390,7 @@ class Viewer:
 
     def _forget(self, recording_id: str) -> None:
         """Forget everything that was computed of a recording."""
-        from app.html.moment import ARRAYS, PICTURES
+        from app.html.moment import forget_recording
 
         self.engine.forget(recording_id)
-        for shared in (PICTURES, ARRAYS):
-            shared.forget_word(recording_id)
+        forget_recording(recording_id)

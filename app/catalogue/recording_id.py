@@ -12,6 +12,8 @@ from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, TimeUnit
 from etnet.events.opened_as import OpenedAs, View
 
 _MARK, _BETWEEN = "!", ","
+_MARKS = ("!", "~", "^", " ")
+"""What may follow on a file's id: something stated, a film's setting, how much is indexed, and what came last of it."""
 _UNITS: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
 _SORT, _DROP = "sort", "drop"
 
@@ -114,5 +116,7 @@ def listed_id(recording_id: str) -> str:
 
 
 def is_of(recording_id: str, forgotten: str) -> bool:
-    """Whether one id is another, or one of a file with something stated."""
-    return recording_id == forgotten or recording_id.startswith(f"{forgotten}{_MARK}")
+    """Whether one id is another, or one of the same file: a part of it, its film, or with something stated."""
+    if not forgotten or not recording_id.startswith(forgotten):
+        return False
+    return recording_id == forgotten or recording_id[len(forgotten)] in _MARKS

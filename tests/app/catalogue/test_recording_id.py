@@ -45,6 +45,13 @@ def test_an_id_that_a_page_made_up_is_understood_or_refused(text):
 def test_a_film_and_another_file_are_not_the_file():
     assert listed_id(film_id("data-0a1b", FilmSetting(0.3, 1.0))) == "data-0a1b"
     assert not is_of("data-0a1bc", "data-0a1b")
+    assert not is_of("data-0a1b", "")
+
+
+@pytest.mark.parametrize("of", ["data-0a1b^4000", "data-0a1b!us^4000", film_id("data-0a1b", FilmSetting(0.3, 1.0))])
+def test_a_part_and_a_film_are_of_their_file_but_the_file_is_not_of_them(of):
+    assert is_of(of, "data-0a1b")
+    assert not is_of("data-0a1b", of)
 
 
 @pytest.mark.parametrize("text", ["640×480", "640x480", " 640, 480 ", "640 480"])
