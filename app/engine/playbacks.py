@@ -223,6 +223,8 @@ class PlaybackCache:
         self._load = load or load_network
         self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
         self._stages: OrderedDict[PlaybackKey, LoadedPlayback] = OrderedDict()
+        self.version = 0
+        """Counts the playbacks that came and went."""
         share = int(budget_bytes * ATTENTION_SHARE)
         self._attention: ByteCache[FrameKey, Attention] = ByteCache(share, overhead=0, fewest=1)
 
@@ -254,6 +256,7 @@ class PlaybackCache:
         key = request.playback
         if key not in self._stages:
             self._stages[key] = self._new_stage(request)
+            self.version += 1
             self._let_go(list(self._stages)[:-KEPT_PLAYBACKS])
             self._divide()
         self._stages.move_to_end(key)
@@ -344,6 +347,7 @@ class PlaybackCache:
             del self._stages[key]
             self._attention.forget(lambda frame, of=key: frame[0] == of)
         if keys:
+            self.version += 1
             self._divide()
 
     def _divide(self) -> None:
