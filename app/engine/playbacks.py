@@ -309,11 +309,12 @@ class PlaybackCache:
         playback = Playback(model, recording, windows, self._budget_bytes, disk, first=first)
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
-        loaded = LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
         band = self._library.model(request.model_id).trained_band
-        loaded.sparsest = SPARSEST if band is None else band[0]
-        loaded.beside = self.loaded
-        return loaded
+        sparsest = SPARSEST if band is None else band[0]
+        expected = trial * growth
+        return LoadedPlayback(
+            playback, contract_of(model), warm_up, Pace(), expected, sparsest=sparsest, beside=self.loaded
+        )
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:
         """Use the kernels measured for this size, where the network has made no frame yet (its contract would change).

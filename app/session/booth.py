@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,6 @@ from app.catalogue.mirror import Mirror
 from app.engine.downloads import Download, Downloaded
 from app.html.moment import Moment
 from app.session.jobs import JobNews
-from app.session.messages import Presented
 from app.session.presentation import Seat
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
@@ -41,13 +40,6 @@ class Booth:
         self.is_active = mirror is not None or seat is not None
         """Whether a camera or a presenter may move the page; without either, only its visitor does."""
         self._moved_at = 0.0
-
-    def listen(self, post: Callable[[MirrorNews | Presented], None]) -> None:
-        """Where news of the mirror and of the presentation go."""
-        if self._seat is not None:
-            self._seat.post = post
-        if self.mirror is not None:
-            self.mirror.on_change = lambda recording_id: post(MirrorNews(recording_id))
 
     @property
     def recording_id(self) -> str:

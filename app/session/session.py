@@ -66,10 +66,12 @@ class Session:
         views: Sequence[View] = VIEWS,
         follow_session: Callable[[str], ViewState | None] = lambda recording_id: None,
         booth: Booth | None = None,
+        mail: SimpleQueue[Item] | None = None,
     ) -> None:
         """`desk` holds the uploaded files, `booth` the visitor's camera; they are closed with the session.
 
-        `follow_session` gives the page of an uploaded session file, by its id, and `None` for a recording.
+        `follow_session` gives the page of an uploaded session file, by its id, and `None` for a recording. `mail` is
+        the mailbox, where camera and presentation have news before the session is there.
         """
         self._is_public = default.is_public
         self._standing = Standing()
@@ -81,7 +83,7 @@ class Session:
         self._catalogue = catalogue
         self._engine = engine
         self._visitor = f"visitor-{client.client_id}"
-        self._mail: SimpleQueue[Item] = SimpleQueue()
+        self._mail: SimpleQueue[Item] = SimpleQueue() if mail is None else mail
         self._state = default
         self._keeper = SavedView(client, default, [view.initial for view in views])
         self._held = RecordingLoader(catalogue, self._mail.put)
@@ -111,7 +113,6 @@ class Session:
         watch_canvas(client, self._showing.hears, lambda: self._mail.put(CanvasChanged()))
         if desk is not None:
             desk.on_change = lambda arrived: self._mail.put(HandedOver(arrived))
-        self._booth.listen(self._mail.put)
         THREADS.start(self._run, self._visitor)
 
     def close(self) -> None:

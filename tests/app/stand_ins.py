@@ -9,6 +9,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 import numpy as np
@@ -177,8 +178,9 @@ def served(view=lambda default: default, most_visitors=None, limits=None, views=
     def visit(client):
         own_files = None if uploads is None else uploads.desk()
         seen = VisitorCatalogue(shelf, own_files)
-        booth = None if presentation is None else Booth(seat=presentation.join(False, seen.entry))
-        sessions[client.client_id] = Session(client, seen, engine, default, own_files, views, booth=booth)
+        mail = SimpleQueue()
+        booth = None if presentation is None else Booth(seat=presentation.join(False, seen.entry, mail.put))
+        sessions[client.client_id] = Session(client, seen, engine, default, own_files, views, booth=booth, mail=mail)
         return sessions[client.client_id]
 
     doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}
