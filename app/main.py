@@ -202,7 +202,7 @@ class Viewer:
         if session is not None:
             config = config_of(session, config)
         self._config = config
-        own = own_views([*config.views, *views])
+        own = own_views([*config.views, *views], config.is_open)
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
         self.catalogue = Catalogue(config, self.live, self._forget)
