@@ -5,7 +5,6 @@ Used by the engine's thread alone. torch is imported on the first call, never be
 
 from __future__ import annotations
 
-import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -375,21 +374,20 @@ def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
 
 
 def _trial_milliseconds(model: Any) -> float:
-    """The faster of two steps over an empty 128×96 window, ms."""
+    """A step over an empty 128×96 window, after one that is not counted, ms."""
     import torch
 
+    from etnet.nets.precision import best_of
     from etnet.nets.runtime import device_of
 
-    device = device_of(model)
-    voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
-    times: list[float] = []
+    voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device_of(model))
+
+    def step() -> None:
+        pyramid, _ = model.encode(voxel, None, ORIGINAL)
+        model.decode(pyramid, None, ORIGINAL)
+
     with torch.inference_mode():
-        for _ in range(2):
-            began = time.perf_counter()
-            pyramid, _ = model.encode(voxel, None, ORIGINAL)
-            model.decode(pyramid, None, ORIGINAL)
-            times.append((time.perf_counter() - began) * 1000)
-    return min(times)
+        return best_of(step, runs=1) * 1000
 
 
 def _follow(mean: float | None, value: float | None) -> float | None:

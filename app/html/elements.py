@@ -7,7 +7,7 @@ from html import escape
 
 ON_PICK = 'data-pick="1"'
 """The attribute that makes an element of `data-k` clickable."""
-__all__ = ["ON_PICK", "chip", "empty", "escape", "legend", "marker", "panel", "picture", "swatch"]
+__all__ = ["ON_PICK", "bar", "chip", "empty", "escape", "legend", "marker", "panel", "picture", "swatch"]
 
 
 def panel(name: str, *parts: str, style: str = "") -> str:
@@ -72,6 +72,11 @@ def chip(text: str, kind: str, title: str = "") -> str:
     """A small badge; `kind` is exact, warning, problem or plain."""
     hint = f' title="{escape(title)}"' if title else ""
     return f'<span class="et-chip et-{kind}" data-testid="chip-{kind}"{hint}>{escape(text)}</span>'
+
+
+def bar(share: float, waits: bool = False) -> str:
+    """How far something is, 0 … 1. One that `waits` wanders: nobody knows how far it is."""
+    return f'<div class="et-bar{" et-bar-wait" if waits else ""}"><i style="width:{share:.0%}"></i></div>'
 
 
 def empty(headline: str, explanation: str) -> str:

@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from app.catalogue.cut import is_live
 from app.engine.requests import Failed, Ready, Working
 from app.html.attention.changed import change_words
-from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
+from app.html.elements import bar, chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
 from app.html.reads import grey_reads
 from app.html.swipe import swiped
@@ -111,11 +111,7 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
     )
     how_far = f": warm-up {working.done} of {total}" if working and total else ": computing"
     text = working.message if working and not total and working.message else f"Frame {count(wanted)}{how_far}{shown}"
-    waits = "" if total else " et-bar-wait"
-    return (
-        f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>'
-        f'<div class="et-bar{waits}"><i style="width:{share:.0%}"></i></div></div>'
-    )
+    return f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>{bar(share, waits=not total)}</div>'
 
 
 def badges(ready: Ready, tones: Tones, first: str = "") -> str:
