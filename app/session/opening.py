@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 from app.catalogue.cut import is_live, windows_of
 from app.catalogue.live import WaitingForEvents
@@ -31,16 +31,16 @@ class Plan:
     cleaning: Cleaning = UNCLEANED
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Opened:
-    """A plan come true."""
+    """A plan come true. What follows from it is found once: it is asked for with every picture."""
 
     plan: Plan
     policy: Policy
     recording: Recording
     windows: Sequence[Window]
 
-    @property
+    @cached_property
     def recording_id(self) -> str:
         """By which it is known: that of a part, if only a part of the file is there."""
         return known_as(self.plan.recording_id, self.recording)
@@ -56,7 +56,7 @@ class Opened:
         """Whether the whole file can be opened, of which this is a part."""
         return self.recording.growth is not None and self.recording.growth.is_over
 
-    @property
+    @cached_property
     def limits(self) -> Limits:
         """What the reducer may do."""
         is_growing = self.recording.latest is not None
