@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import viser
 
 from app.html.assets import page_folder
-from app.html.card import segmented
+from app.html.elements import segmented
 from app.session.channel import AskHelp, open_channel
 from app.state import intents as ask
 from app.state.view_state import ViewState, Workspace

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from app.catalogue.recording_id import listed_id
 from app.html.attention.changed import change_words, since_words
-from app.html.card import icon_button, segmented
-from app.html.elements import ON_PICK, escape
-from app.html.icons import icon
+from app.html.elements import ON_PICK, escape, icon, icon_button, segmented
 from app.html.provenance import all_facts_html, provenance_html
 from app.state.view_state import Workspace
 from app.views.events.state import EventsState

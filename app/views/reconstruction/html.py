@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.html.card import icon_button
 from app.html.controls import under_way
-from app.html.elements import empty, panel, picture
+from app.html.elements import empty, icon_button, panel, picture
 from app.html.live import live_badge
 from app.html.moment import PICTURES
 from app.html.pictures import camera_picture, reconstruction_html

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from app.html.card import icon_button, segmented
-from app.html.elements import ON_PICK, escape, panel
-from app.html.icons import icon
+from app.html.elements import ON_PICK, escape, icon, icon_button, panel, segmented
 from app.html.moment import Moment
 from app.html.units import count, of_whole, rate, seconds
 from app.state.view_state import ViewState

@@ -6,9 +6,8 @@ import numpy as np
 
 from app.catalogue.videos import BANDWIDTHS, SIDES, FilmSetting, VideoShown, film_id
 from app.engine.jobs import JobResult
-from app.html.card import segmented
 from app.html.controls import under_way
-from app.html.elements import ON_PICK, bar, empty, panel
+from app.html.elements import ON_PICK, bar, empty, panel, segmented
 from app.html.moment import Moment
 from app.html.uploads import public_handing_html
 from app.views.page import Page

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from app.engine import downloads
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
-from app.html.card import card
+from app.html.elements import card
 from app.session.channel import parse
 from app.state import intents as ask
 from app.state.checks import passing, text, whole
