@@ -7,7 +7,7 @@ from jaxtyping import Float32, UInt8
 
 from app.html.elements import ON_PICK, bar, empty, escape, legend, picture
 from app.html.moment import PICTURES
-from app.html.reads import ramp_reads
+from app.html.pictures import ramp_reads
 from app.html.units import count, resolution
 from etnet.render.colours import OFF, ON, css_gradient, diverge, diverging, hexadecimal
 from etnet.render.encode import data_url

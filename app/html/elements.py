@@ -33,7 +33,7 @@ def picture(
     """An image in a frame. A click on it sends `key` (`data-k`), if there is one.
 
     `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click. `reads`
-    says what a colour stands for (`app.html.reads`): the browser then tells the value under the pointer.
+    says what a colour stands for (`app.html.pictures`): the browser then tells the value under the pointer.
     """
     measures = f' width="{size[0]}" height="{size[1]}"' if size else ""
     picking = f' data-k="{escape(key)}" {ON_PICK}' if key else ""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
-from app.html.cloud import EventCloud
 from app.html.moment import Moment
+from app.html.pictures import EventCloud
 from app.state.run import Run
 from app.state.view_state import Limits, Slice, ViewState, Workspace
 from app.views.page import Page, RunFrame

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from app.engine.jobs import Job
     from app.engine.requests import FrameRequest
-    from app.html.cloud import EventCloud
+    from app.html.pictures import EventCloud
     from app.state.view_state import ViewState
     from app.views.page import Page
     from app.views.panel import Panel

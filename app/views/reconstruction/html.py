@@ -8,8 +8,7 @@ from app.html.controls import under_way
 from app.html.elements import empty, icon_button, panel, picture
 from app.html.live import live_badge
 from app.html.moment import PICTURES
-from app.html.pictures import camera_picture, reconstruction_html
-from app.html.reads import ramp_reads
+from app.html.pictures import camera_picture, ramp_reads, reconstruction_html
 from app.html.units import short
 from app.views.page import Page
 from app.views.reconstruction.jobs import SLOT, VarianceJob

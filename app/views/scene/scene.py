@@ -12,9 +12,8 @@ from jaxtyping import UInt8
 
 from app.html.attention.links import links_of
 from app.html.attention.maps import attention_image, site_in
-from app.html.cloud import EventCloud, event_cloud
 from app.html.moment import Moment
-from app.html.pictures import event_picture, reconstruction_image
+from app.html.pictures import EventCloud, event_cloud, event_picture, reconstruction_image
 from app.views.attention.state import AttentionState, look_of
 from app.views.demo.state import DemoState
 from app.views.events.state import EventsState

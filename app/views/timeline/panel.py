@@ -7,7 +7,7 @@ import viser
 from app.html.elements import escape
 from app.html.live import live_line
 from app.html.moment import PICTURES
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.html.units import count, seconds
 from app.state import intents as ask
 from app.views.compare.state import CompareState

@@ -18,7 +18,7 @@ from app.html.controls import (
     under_way,
 )
 from app.html.elements import escape, panel, segmented
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.html.units import count, milliseconds, resolution, short
 from app.views.inspect.results import Outcome
 from app.views.inspect.state import JITTERS, Change, is_switched

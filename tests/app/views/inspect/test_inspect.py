@@ -13,7 +13,7 @@ from app.html.attention.changed import change_words
 from app.html.attention.links import links_of
 from app.html.attention.look import AttentionLook
 from app.html.moment import Moment
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.state.view_state import ViewState
 from app.views.attention.state import AttentionState
 from app.views.inspect.html.attribution import traced_html
