@@ -8,8 +8,8 @@ from html import escape
 ON_PICK = 'data-pick="1"'
 """The attribute that makes an element of `data-k` clickable."""
 __all__ = [
-    "ON_PICK", "bar", "card", "chip", "empty", "escape", "icon", "icon_button", "legend", "marker", "number_field", "panel",
-    "picture", "segmented", "select", "swatch",
+    "ON_PICK", "bar", "card", "chip", "empty", "escape", "icon", "icon_button", "legend", "marker", "number_field",
+    "panel", "picture", "segmented", "select", "swatch",
 ]  # fmt: skip
 
 
