@@ -20,12 +20,10 @@ from app.engine.kept_frames import KeptFrames, KeptRanges, show_kept
 from app.engine.live import LiveSteps
 from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache, nowhere
 from app.engine.prefetch import Prefetcher
-from app.engine.published import Published
+from app.engine.published import Published, RecentFrames, Thumbnails
 from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
-from app.engine.recent_frames import RecentFrames
 from app.engine.replies import array_of, check_step, hand_over, ready_of
 from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
-from app.engine.thumbnails import Thumbnails
 from etnet.errors import Cancelled, RecordingError, WindowError
 
 if TYPE_CHECKING:
