@@ -1,4 +1,4 @@
-"""What other threads read of the engine's work: what is cached, how long steps take, frames and small copies of them."""
+"""What other threads read of the engine: what is cached, how long steps take, frames and small copies of them."""
 
 from __future__ import annotations
 
