@@ -9,7 +9,7 @@ from typing import Any
 
 from app.engine.requests import Reply
 from app.session.jobs import JobNews
-from app.session.opening import Opened, Opening, Unopened
+from app.session.loader import Opened, Opening, Unopened
 from app.session.runs import RunPlanned, RunReply
 
 

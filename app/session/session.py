@@ -26,9 +26,8 @@ from app.session.channel import AskHelp, Copied, FollowLink, Hello, Hover, Remov
 from app.session.facts import KnownFacts
 from app.session.jobs import JobNews
 from app.session.layout import arrangement_of, build_layout, watch_canvas
-from app.session.loader import RecordingLoader
+from app.session.loader import Opened, Opening, RecordingLoader, Unopened
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented, letters
-from app.session.opening import Opened, Opening, Unopened
 from app.session.page import PageComposer
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply

@@ -11,7 +11,7 @@ from app.catalogue.part_id import known_as, whole_id
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.config import ViewerConfig
 from app.html.moment import Moment
-from app.session.opening import Opened, Opener, Plan
+from app.session.loader import Opened, Opener, Plan
 from app.views.timeline.html import curve_of
 from etnet.events.formats.prophesee import index as raw_index
 from etnet.events.formats.prophesee import raw as prophesee

@@ -13,8 +13,7 @@ from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE
 from app.config import ViewerConfig
 from app.engine.requests import FrameRequest
-from app.session.loader import RecordingLoader
-from app.session.opening import Opened, Opening, Unopened
+from app.session.loader import Opened, Opening, RecordingLoader, Unopened
 from app.state.intents import PlayTo, RenameRecording, ReopenRecording, Seek, Settle
 from app.state.view_state import Limits, ViewState
 from etnet.errors import EtnetError
@@ -144,7 +143,7 @@ def test_a_page_goes_on_to_the_moment_that_was_asked_for_as_it_is_made(stepped):
     policy = BetweenFrames()
     stamp = 8 * 20_000
     state = ViewState("v", "m", policy=policy, moment=stamp)
-    from app.session.opening import Plan
+    from app.session.loader import Plan
 
     plan = Plan("v", policy)
     opened = Opened(plan, policy, recording, plan_windows(recording, policy))
@@ -222,7 +221,7 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_i
 def test_messages_of_another_recording_change_nothing():
     held = RecordingLoader(Watched(), print)
     state = ViewState("v", "m")
-    from app.session.opening import Plan
+    from app.session.loader import Plan
 
     for letter in (Opening(Plan("w", None), 0.5), Unopened(Plan("w", None), "no")):
         assert held.take(letter, state) == ((), "")
