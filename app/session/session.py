@@ -28,13 +28,12 @@ from app.session.jobs import JobNews
 from app.session.layout import arrangement_of, build_layout, watch_canvas
 from app.session.loader import Opened, Opening, RecordingLoader, Unopened
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented, letters
-from app.session.page import PageComposer
+from app.session.page import PageComposer, VisitorRequests
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply
 from app.session.saved_view import SavedView
 from app.session.standing import NOTHING_REFUSED, Standing
 from app.session.visit import Shown, Visit
-from app.session.wanted import VisitorRequests
 from app.state import intents as ask
 from app.state.view_state import ViewState
 from app.views import VIEWS
