@@ -38,8 +38,7 @@ from app.state import intents as ask
 from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.page import Page
-from app.views.reduce import reduce_views
-from app.views.view import View
+from app.views.view import View, reduce_views
 
 PUSH_INTERVAL = 1 / 30
 """Seconds between two pushes of pictures and text; the first one after a rest goes at once."""

@@ -22,8 +22,7 @@ from app.state import intents as ask
 from app.state.link import LinkError, from_link
 from app.state.view_state import Limits, ViewState
 from app.views.demo.state import PointAt
-from app.views.reduce import reduce_views
-from app.views.view import View
+from app.views.view import View, reduce_views
 from etnet.errors import EtnetError
 from etnet.files import in_megabytes
 

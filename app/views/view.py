@@ -1,9 +1,13 @@
-"""The contract of a view, one part of the page: all that session, link, stored view and layout know of it."""
+"""The contract of a view, one part of the page: all that session, link, stored view and layout know of it.
+
+One intent, one new page: the shared moment first, then the slices of the views that hear it. Nothing else may change
+a page.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from app.catalogue.visitor import VisitorCatalogue
@@ -11,6 +15,9 @@ from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
 from app.html.pictures import EventCloud
+from app.state import intents as ask
+from app.state.checks import checked, with_word
+from app.state.reduce import reduce_shared
 from app.state.run import Run
 from app.state.view_state import Limits, Slice, ViewState, Workspace
 from app.views.page import Page, RunFrame
@@ -20,6 +27,7 @@ if TYPE_CHECKING:
     import viser
 
     from app.views.panel import Panel
+
 
 EVERYWHERE: frozenset[Workspace] = frozenset({"inspect", "attention", "compare", "recording", "demo"})
 EXPERT: frozenset[Workspace] = EVERYWHERE - {"demo"}
@@ -212,3 +220,30 @@ def areas(state: ViewState, views: Sequence[View]) -> dict[str, Area]:
     places: dict[str, Area] = dict(zip(stage, stage_areas, strict=False))
     places.update(zip(shelf, shelf_areas, strict=False))
     return places
+
+
+def reduce_views(state: ViewState, intent: Any, limits: Limits, views: Sequence[View]) -> ViewState:
+    """The page after `intent`. Each view sees the page as it was before."""
+    here = Here(state, limits)
+    changed = []
+    for view in views:
+        is_set = isinstance(intent, ask.Set) and intent.view == view.name
+        if not is_set and not view.hears(intent):
+            continue
+        before = view.of(state)
+        # What was set goes through the view's own reducer, too: fields may depend on each other.
+        after = view.reduce(_set(before, intent) if is_set else before, intent, here)
+        if after is not before:
+            changed.append(after)
+    shared = reduce_shared(state, intent, limits)
+    return shared.put(*changed) if changed else shared
+
+
+def _set(slice_: Any, intent: ask.Set) -> Any:
+    """A page may send anything; what does not fit changes nothing."""
+    try:
+        if intent.is_word:
+            return with_word(slice_, intent.field, str(intent.value))
+        return replace(slice_, **{intent.field: checked(type(slice_), intent.field, intent.value)})
+    except ValueError:
+        return slice_

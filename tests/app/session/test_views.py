@@ -25,8 +25,7 @@ from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
 from app.views.inspect.state import Change
 from app.views.panel import Html, Panel, on_visitor
-from app.views.reduce import reduce_views
-from app.views.view import NOWHERE, Card, Here, View, areas, open_tab, open_views, tabs
+from app.views.view import NOWHERE, Card, Here, View, areas, open_tab, open_views, reduce_views, tabs
 from etnet.events.cleaning import Cleaning
 from etnet.windows import BetweenFrames, Policy
 from tests.app.stand_ins import Browser, served

@@ -13,7 +13,7 @@ from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
 from app.views.compare.state import CompareState
 from app.views.inspect.state import InspectState
-from app.views.reduce import reduce_views
+from app.views.view import reduce_views
 from etnet.errors import EtnetError
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, Window
