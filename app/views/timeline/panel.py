@@ -15,8 +15,7 @@ from app.views.inspect.state import NO_CHANGE, InspectState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
 from app.views.reconstruction.state import tones_in
-from app.views.timeline.html import timeline_html
-from app.views.timeline.transport import legend_html, marks_html, now_html, speed_html, transport_html
+from app.views.timeline.html import legend_html, marks_html, now_html, speed_html, timeline_html, transport_html
 from etnet.render.encode import data_url
 from etnet.render.tone import tone_map
 

@@ -13,9 +13,8 @@ from app.session.channel import Hover, parse
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
-from app.views.timeline.html import timeline_html
+from app.views.timeline.html import legend_html, marks_html, now_html, speed_html, timeline_html, transport_html
 from app.views.timeline.state import SPEEDS, hear, speed_of
-from app.views.timeline.transport import legend_html, marks_html, now_html, speed_html, transport_html
 from app.views.view import reduce_views
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import recording_of_events
