@@ -20,9 +20,7 @@ from app.views.events.state import EventsState
 from app.views.page import Page
 from app.views.reconstruction.state import tones_of
 from app.views.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
-from app.views.scene.frame_plane import FramePlane
-from app.views.scene.links import LinksNode
-from app.views.scene.map_planes import MapPlanes
+from app.views.scene.nodes import FramePlane, LinksNode, MapPlanes
 from app.views.scene.space import Space, camera_place
 from app.views.scene.state import Camera, SceneState
 

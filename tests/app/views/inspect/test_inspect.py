@@ -26,7 +26,7 @@ from app.views.inspect.panel import InspectPanel, inspector_html
 from app.views.inspect.scene_cloud import traced_cloud
 from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
-from app.views.scene.links import arc
+from app.views.scene.nodes import arc
 from app.views.scene.space import Space
 from etnet.events.edit import EventEdit
 from etnet.nets.attention import AttentionProbe
