@@ -5,11 +5,25 @@ What is computed of it is not the plain file's. The id says all of it: "file-12a
 
 from __future__ import annotations
 
-from app.catalogue.part_id import whole_id
 from app.catalogue.videos import split_id
 from etnet.errors import RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, TimeUnit
 from etnet.events.opened_as import OpenedAs, View
+from etnet.events.recording import Recording
+
+_PART = "^"
+
+
+def known_as(recording_id: str, recording: Recording) -> str:
+    """The id of what was opened by an id: the same, or that of a part, which the number of its events tells."""
+    whole = whole_id(recording_id)
+    return whole if recording.growth is None else f"{whole}{_PART}{recording.num_events}"
+
+
+def whole_id(recording_id: str) -> str:
+    """The id of the file of which this may be a part."""
+    return recording_id.partition(_PART)[0]
+
 
 _MARK, _BETWEEN = "!", ","
 _MARKS = ("!", "~", "^", " ")

@@ -22,8 +22,7 @@ from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of
 from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.live import LiveFeed
 from app.catalogue.models import ModelEntry, digest, offered_models
-from app.catalogue.part_id import known_as, whole_id
-from app.catalogue.recording_id import listed_id, stated_in, view_in
+from app.catalogue.recording_id import known_as, listed_id, stated_in, view_in, whole_id
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
 from app.config import ViewerConfig

@@ -9,7 +9,7 @@ from typing import Any
 
 from app.catalogue.cut import CutRecording, is_live, windows_of
 from app.catalogue.live import WaitingForEvents
-from app.catalogue.part_id import known_as, whole_id
+from app.catalogue.recording_id import known_as, whole_id
 from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue

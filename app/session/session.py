@@ -13,7 +13,7 @@ from typing import Any
 
 import viser
 
-from app.catalogue.part_id import whole_id
+from app.catalogue.recording_id import whole_id
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import VisitorUploads

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.catalogue.part_id import known_as, whole_id
+from app.catalogue.recording_id import known_as, whole_id
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.config import ViewerConfig
 from app.html.moment import Moment
