@@ -22,7 +22,7 @@ from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of
 from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.live import LiveFeed
 from app.catalogue.models import ModelEntry, digest, offered_models
-from app.catalogue.recording_id import known_as, listed_id, stated_in, view_in, whole_id
+from app.catalogue.recording_id import RecordingId, known_as, listed_id, whole_id
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
 from app.config import ViewerConfig
@@ -315,7 +315,7 @@ class Catalogue:
         """How it is seen, as its id says; `None` leaves that to the command line and to the size of the sensor."""
         if recording_id in self._granted:
             return self._granted[recording_id].view
-        view = view_in(recording_id)
+        view = RecordingId.of(recording_id).seen
         if view is not None and self._config.is_open:
             raise CatalogueError(f"{entry.title}: is seen here as the viewer chooses; open it without an option")
         return view
@@ -324,7 +324,7 @@ class Catalogue:
         """What is stated of a recording: in its id, else on the command line, which speaks of the files it names."""
         if recording_id in self._granted:
             return self._granted[recording_id].assumed
-        said = stated_in(recording_id)
+        said = RecordingId.of(recording_id).stated
         if said != NOTHING_ASSUMED and not self.can_be_stated(entry):
             raise CatalogueError(f"{entry.title}: is taken at its word here; open it without a statement")
         is_named = _is_ones_own(entry) and entry.kind != "upload"
