@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from app.views.page import Page
     from app.web.access import Handler
     from app.web.server import Address
+    from etnet.events.recording import Recording
     from etnet.export.session_file import Session as TakenSession
 
 
@@ -384,16 +385,11 @@ class Viewer:
 
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""
-        from app.engine.denoised import forget_cleaned
+        self._forget(recording_id, self.catalogue.let_go(recording_id))
 
-        recordings = self.catalogue.let_go(recording_id)
-        self._forget(recording_id)
-        for recording in recordings:
-            forget_cleaned(recording)
-
-    def _forget(self, recording_id: str) -> None:
+    def _forget(self, recording_id: str, recordings: Sequence[Recording] = ()) -> None:
         """Forget everything that was computed of a recording."""
         from app.html.moment import forget_recording
 
-        self.engine.forget(recording_id)
+        self.engine.forget(recording_id, recordings)
         forget_recording(recording_id)

@@ -27,10 +27,11 @@ from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, R
 from etnet.errors import Cancelled, RecordingError, WindowError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from jaxtyping import Float32
 
+    from etnet.events.recording import Recording
     from etnet.playback.disk_cache import DiskCache
     from etnet.playback.playback import CacheReport, Step
 
@@ -69,6 +70,7 @@ class Engine:
         self._gentle: GentleImport | None = GentleImport()
         disk_for = nowhere if self._kept is None else self._kept.disk_for
         self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load, disk_for, tunes)
+        self.cleaned = self._playbacks.cleaned
         self._longest_step = longest_step
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
@@ -130,8 +132,10 @@ class Engine:
             self._to_prepare = (model_id, precision)
             self._book.changed.notify_all()
 
-    def forget(self, recording_id: str) -> None:
-        """Forget everything that was computed of a recording, after the step that runs."""
+    def forget(self, recording_id: str, recordings: Sequence[Recording] = ()) -> None:
+        """Forget everything that was computed of a recording, after the step that runs; `recordings` are closed now."""
+        for recording in recordings:
+            self.cleaned.forget(recording)
         with self._book.changed:
             self._to_forget.append(recording_id)
             self._book.changed.notify_all()

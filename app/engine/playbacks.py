@@ -6,15 +6,15 @@ Used by the engine's thread alone. torch is imported on the first call, never be
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from app.catalogue.cut import CutRecording, windows_of
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
-from app.engine.denoised import cleaned_once
+from app.engine.denoised import CleanedRecordings
 from app.engine.requests import FrameKey, FrameRequest, PlaybackKey
 from app.engine.warmth import SPARSEST, windows_seen
 from etnet.byte_cache import ByteCache
@@ -46,6 +46,9 @@ _TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
 _GROWTH = 1.2
 """A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
 
+SCORE_BYTES = 4 << 20
+Scores = ByteCache[tuple[FrameRequest, object, str, "int | None"], Mapping[str, float]]
+"""Values by what they depend on: the frame, the contract, the protocol's rule and the camera frame."""
 Loader = Callable[[ModelEntry, str, str], Any]
 """(model entry, precision, device) → a reconstructor that is ready to run."""
 
@@ -120,6 +123,8 @@ class LoadedPlayback:
     state_bytes: int = 0
     sparsest: float = SPARSEST
     """Events per pixel of a window that counts as a whole one while the state warms up."""
+    scores: Scores = field(default_factory=lambda: ByteCache(SCORE_BYTES))
+    """How good its frames are, of all playbacks: a strip that is asked for again continues."""
     beside: Callable[[FrameRequest], LoadedPlayback] | None = None
     """The playback of another request, for a job about several runs; asked on the engine's thread."""
     branch: tuple[tuple[object, ...], Playback] | None = None
@@ -212,13 +217,11 @@ class PlaybackCache:
         tunes: bool = False,
     ) -> None:
         """`tunes`: networks run with the kernels that were measured to be fastest here."""
-        self._library = library
-        self._disk_for = disk_for
-        self._tunes = tunes
+        self._library, self._disk_for, self._tunes = library, disk_for, tunes
         self._untried: tuple[Any, int, int] | None = None
-        self._budget_bytes = budget_bytes
-        self._device = device
-        self._threads = threads
+        self._budget_bytes, self._device, self._threads = budget_bytes, device, threads
+        self.cleaned = CleanedRecordings()
+        self._scores: Scores = ByteCache(SCORE_BYTES)
         self._load = load or load_network
         self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
         self._stages: OrderedDict[PlaybackKey, LoadedPlayback] = OrderedDict()
@@ -280,7 +283,8 @@ class PlaybackCache:
         return frozenset(self._stages)
 
     def forget(self, recording_id: str) -> None:
-        """Forget every playback of a recording."""
+        """Forget every playback of a recording, and how good its frames were."""
+        self._scores.forget(lambda key: is_of(key[0].recording_id, recording_id))
         self._let_go([key for key in self._stages if is_of(key.recording_id, recording_id)])
 
     def attention(self, request: FrameRequest) -> Attention | None:
@@ -295,8 +299,7 @@ class PlaybackCache:
         from etnet.nets.runtime import contract_of
         from etnet.playback.playback import Playback
 
-        recording = self._library.open(request.recording_id)
-        recording = cleaned_once(recording, request.cleaning)
+        recording = self.cleaned.of(self._library.open(request.recording_id), request.cleaning)
         windows = from_window(windows_of(recording, request.policy), request.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
@@ -312,7 +315,14 @@ class PlaybackCache:
         sparsest = SPARSEST if band is None else band[0]
         expected = trial * growth
         return LoadedPlayback(
-            playback, contract_of(model), warm_up, Pace(), expected, sparsest=sparsest, beside=self.loaded
+            playback,
+            contract_of(model),
+            warm_up,
+            Pace(),
+            expected,
+            sparsest=sparsest,
+            beside=self.loaded,
+            scores=self._scores,
         )
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:
@@ -354,13 +364,6 @@ class PlaybackCache:
         share = int(self._budget_bytes * (1 - ATTENTION_SHARE)) // max(len(self._stages), 1)
         for loaded in self._stages.values():
             loaded.budget_bytes = share
-
-
-def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:
-    """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
-    from etnet.nets.runtime import contract_of
-
-    return request.is_original and contract_of(loaded.playback.model) == loaded.contract
 
 
 def load_network(entry: ModelEntry, precision: str, device: str) -> Any:

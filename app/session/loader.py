@@ -13,7 +13,7 @@ from app.catalogue.recording_id import known_as, whole_id
 from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
-from app.engine.denoised import cleaned_once
+from app.engine.denoised import CleanedRecordings
 from app.html.moment import Moment
 from app.html.timeline_marks import curve_of
 from app.state import intents as ask
@@ -88,8 +88,13 @@ class Opening:
 class Opener:
     """Opens beside the page. Replies come in any order; the session takes the one that fits its state."""
 
-    def __init__(self, catalogue: VisitorCatalogue, tell: Callable[[Opened | Unopened | Opening], None]) -> None:
-        self._catalogue = catalogue
+    def __init__(
+        self,
+        catalogue: VisitorCatalogue,
+        cleaned: CleanedRecordings,
+        tell: Callable[[Opened | Unopened | Opening], None],
+    ) -> None:
+        self._catalogue, self._cleaned = catalogue, cleaned
         self._tell = tell
         self._begun: Plan | None = None
 
@@ -107,7 +112,7 @@ class Opener:
     def _open(self, plan: Plan) -> None:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
-            recording = cleaned_once(recording, plan.cleaning)
+            recording = self._cleaned.of(recording, plan.cleaning)
             policy = suited_policy(recording) if plan.policy is None else plan.policy
             windows = windows_of(recording, policy)
             if len(windows) == 0:
@@ -136,9 +141,14 @@ class Opener:
 class RecordingLoader:
     """Keeps what is open equal to what the view asks for. Used by the visitor's thread alone."""
 
-    def __init__(self, catalogue: VisitorCatalogue, post: Callable[[Opened | Unopened | Opening], None]) -> None:
+    def __init__(
+        self,
+        catalogue: VisitorCatalogue,
+        cleaned: CleanedRecordings,
+        post: Callable[[Opened | Unopened | Opening], None],
+    ) -> None:
         self._catalogue = catalogue
-        self._opener = Opener(catalogue, post)
+        self._opener = Opener(catalogue, cleaned, post)
         self._aims_at: tuple[int, int] | None = None
         """A moment (µs) that is still to be made, and the window that is shown instead."""
         self._opened: Opened | None = None

@@ -183,7 +183,7 @@ class VisitorRequests:
         self._engine, self._visitor, self._views, self._post = engine, visitor, views, post
         self.frames = NewestFrames()
         self.jobs = VisitorJobs(engine, visitor, post)
-        self._runs = VisitorRuns(engine, catalogue, visitor, post)
+        self._runs = VisitorRuns(engine, catalogue, engine.cleaned, visitor, post)
         self._has_compared = False
         self._own_thread: int | None = None
 

@@ -12,7 +12,7 @@ from typing import Protocol
 from app.catalogue.cut import is_live, windows_of
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
-from app.engine.denoised import cleaned_once
+from app.engine.denoised import CleanedRecordings
 from app.engine.playbacks import WARM_UP
 from app.engine.queue import Deliver
 from app.engine.replayed import FIRST, replayed_windows
@@ -93,11 +93,12 @@ class VisitorRuns:
         self,
         engine: RequestSink,
         catalogue: VisitorCatalogue,
+        cleaned: CleanedRecordings,
         visitor: str,
         post: Callable[[RunPlanned | RunReply], None],
     ) -> None:
         self._engine = engine
-        self._catalogue = catalogue
+        self._catalogue, self._cleaned = catalogue, cleaned
         self._visitor = visitor
         self._post = post
         self._answers = [NewestFrames() for _ in range(MOST_RUNS + 1)]
@@ -209,7 +210,7 @@ class VisitorRuns:
     def _plan(self, plan: RunPlan, recording: Recording, former: RunPlanned | None = None) -> None:
         """`former`: the same plan when the recording was shorter."""
         try:
-            planned = _planned_windows(plan, cleaned_once(recording, plan.cleaning), former)
+            planned = _planned_windows(plan, self._cleaned.of(recording, plan.cleaning), former)
         except EtnetError as error:
             planned = RunPlanned(plan, plan.policy, trouble=str(error))
         self._post(replace(planned, recording=recording))

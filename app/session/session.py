@@ -83,7 +83,7 @@ class Session:
         self._mail: SimpleQueue[Item] = SimpleQueue() if mail is None else mail
         self._state = default
         self._keeper = SavedView(client, default, [view.initial for view in views])
-        self._held = RecordingLoader(catalogue, self._mail.put)
+        self._held = RecordingLoader(catalogue, engine.cleaned, self._mail.put)
         self._player = Player()
         self._asked = VisitorRequests(engine, catalogue, self._visitor, views, self._mail.put)
         self._answers = self._asked.frames

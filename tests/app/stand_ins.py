@@ -24,6 +24,7 @@ from app.catalogue.recordings import CatalogueError
 from app.catalogue.uploads import Uploads
 from app.catalogue.videos import Videos
 from app.catalogue.visitor import VisitorCatalogue
+from app.engine.denoised import CleanedRecordings
 from app.engine.requests import EngineStatus, Failed, Ready, Working
 from app.session.booth import Booth
 from app.session.session import Session
@@ -118,6 +119,7 @@ class InstantEngine:
         self.jobs = []
         self.is_held = False
         self.has_frames_at_hand = False
+        self.cleaned = CleanedRecordings()
         self.failure = ""
 
     def request(self, visitor, request, deliver):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.denoised import CleanedRecordings
 from app.engine.replayed import replayed_windows
 from app.session.runs import RunPlan, VisitorRuns
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
@@ -118,7 +119,7 @@ def test_on_a_recording_without_frames_a_run_between_frames_says_one_plain_sente
     plan = RunPlan("a", BetweenFrames())
     events = recording_of(20)
     posted = []
-    runs = VisitorRuns(None, None, "ada", posted.append)
+    runs = VisitorRuns(None, None, CleanedRecordings(), "ada", posted.append)
     runs._plan(plan, events)
     runs._plan(replace(plan, replays="paper"), events)
     assert [letter.trouble for letter in posted] == [
@@ -172,7 +173,7 @@ def test_a_run_in_windows_of_its_own_follows_a_recording_that_grows_to_its_end()
 
 def test_a_run_from_a_cold_start_keeps_its_first_window_while_the_recording_grows():
     growing, posted = Growing(1_000), []
-    runs = VisitorRuns(None, None, "ada", posted.append)
+    runs = VisitorRuns(None, None, CleanedRecordings(), "ada", posted.append)
     plan = RunPlan("a", ByDuration(100_000), cold_from=420_000)
     runs._plan(plan, growing.recording)
     growing.grow(3_000)
@@ -185,7 +186,7 @@ def test_a_run_from_a_cold_start_keeps_its_first_window_while_the_recording_grow
 
 def test_what_could_not_be_planned_of_a_part_is_planned_when_all_of_it_is_there():
     growing, posted = Growing(1_000), []
-    runs = VisitorRuns(None, None, "ada", posted.append)
+    runs = VisitorRuns(None, None, CleanedRecordings(), "ada", posted.append)
     plan = RunPlan("a", BetweenFrames(), Cleaning(hot_pixels=True))
     runs._plan(plan, growing.recording)
     assert "filter it when all of it is there" in posted[0].trouble
