@@ -313,16 +313,9 @@ class PlaybackCache:
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
         band = self._library.model(request.model_id).trained_band
         sparsest = SPARSEST if band is None else band[0]
-        expected = trial * growth
+        pace, expected = Pace(), trial * growth
         return LoadedPlayback(
-            playback,
-            contract_of(model),
-            warm_up,
-            Pace(),
-            expected,
-            sparsest=sparsest,
-            beside=self.loaded,
-            scores=self._scores,
+            playback, contract_of(model), warm_up, pace, expected, 0, sparsest, self._scores, self.loaded
         )
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:
