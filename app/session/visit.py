@@ -112,8 +112,8 @@ class Visit:
             return state, ()
         if page is not None:
             return replace(page, workspace=state.workspace, tab=state.tab, visit=state.visit), ()
-        opens = (ask.OpenRecording(recording_id),)
-        return state, (*opens, ask.OpenTab("video")) if self._catalogue.is_film(recording_id) else opens
+        told = (view.name for view in self._views if view.opens_for(self._catalogue, recording_id))
+        return state, (ask.OpenRecording(recording_id), *map(ask.OpenTab, told))
 
     def hand_over(self, news: JobNews) -> tuple[Any, ...]:
         """Let the browser save a file that is made; what follows."""

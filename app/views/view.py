@@ -58,6 +58,15 @@ class Card:
     shelf: frozenset[Workspace] = NOWHERE
 
 
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Something to do by its name in the list of commands, or by a key."""
+
+    label: str
+    key: str | None
+    intent: Any
+
+
 class Reducer(Protocol):
     """Pure: the slice after an intent, which may be another view's or the page's."""
 
@@ -102,6 +111,10 @@ def _for_everything(page: Page) -> bool:
     return True
 
 
+def _for_none(catalogue: VisitorCatalogue, recording_id: str) -> bool:
+    return False
+
+
 def _no_cloud(page: Page) -> Callable[[int], EventCloud] | None:
     return None
 
@@ -124,6 +137,12 @@ class View:
     suits: Callable[[Page], bool] = _for_everything
     """Whether its settings are for what is open: elsewhere their tab is left out."""
     cards: tuple[Card, ...] = ()
+    at_foot: bool = False
+    """Whether it stands in a panel of its own below the page, and not in it."""
+    commands: tuple[Command, ...] = ()
+    """What a key, or the list of commands, asks of it."""
+    opens_for: Callable[[VisitorCatalogue, str], bool] = _for_none
+    """Whether its tab opens with a recording of this id that a visitor has handed over."""
     is_public: bool = False
     """Whether it is part of a page in public, where a visitor may change it."""
     reduce: Reducer = _unchanged
