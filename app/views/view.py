@@ -145,6 +145,8 @@ class View:
     """Whether its tab opens with a recording of this id that a visitor has handed over."""
     is_public: bool = False
     """Whether it is part of a page in public, where a visitor may change it."""
+    in_public: Slice | None = None
+    """How its slice begins there; `None`: as elsewhere."""
     reduce: Reducer = _unchanged
     """Is asked for the intents of its own `state.py`, for what sets a field of its slice, and for `intents`."""
     intents: tuple[type, ...] = ()

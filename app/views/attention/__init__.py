@@ -46,6 +46,7 @@ VIEW = View(
         Card("attention.time", shelf=frozenset({"attention"})),
     ),
     is_public=True,
+    in_public=AttentionState(map_range="per map"),
     reduce=reduce_attention,
     intents=(ask.OpenRecording, ask.ReopenRecording),
     hear=hear,

@@ -34,6 +34,7 @@ VIEW = View(
         Command("Camera: side", None, ChooseCamera("side")),
     ),
     is_public=True,
+    in_public=SceneState(camera="booth"),
     reduce=reduce_scene,
     intents=(ask.ShowWorkspace,),
     hear=hear,
