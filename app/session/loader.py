@@ -184,9 +184,10 @@ class RecordingLoader:
 
     def want(self, state: ViewState) -> None:
         """Begin to open what the view asks for, unless it is there, or was refused."""
-        plan = _plan_of(state)
         is_outgrown = self._opened is not None and self._opened.is_outgrown
-        if (self.placed(state) is None or is_outgrown) and plan != self._refused:
+        if self.placed(state) is not None and not is_outgrown:
+            return
+        if (plan := _plan_of(state)) != self._refused:
             self._catalogue.looks_at(plan.recording_id)
             self._opener.want(plan)
 

@@ -101,7 +101,9 @@ class PageComposer:
             draws_scene=self.scene_pace.is_due(is_moving),
             areas=areas(state, self.views),
             placed=self.loader.placed(state),
-            live=None if state.is_public and not limits.is_live else self.known.live(shown_index),
+            live=self.known.live(shown_index)
+            if self.known.has_live and (limits.is_live or not state.is_public)
+            else None,
             is_live=limits.is_live,
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
