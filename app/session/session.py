@@ -308,8 +308,9 @@ class Session:
             self._is_dirty = False
             self._pushed_at = time.monotonic()
             self._push()
-        if self._state.is_playing or not self._is_moving():
-            self._keeper.keep(self._state)
+        goes_by_itself = self._state.is_playing or self._follows() or self._booth.is_active
+        if goes_by_itself or not self._is_moving():
+            self._keeper.keep(self._state)  # not for each window under a finger
 
     def _play(self, shown: int | None) -> None:
         """Go on to the window that is due."""
