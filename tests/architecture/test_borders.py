@@ -79,6 +79,18 @@ def test_a_view_knows_of_another_one_its_state_at_most():
     assert {edge for edge in across if edge[1] != f"{owner[edge[1]]}.state"} == {TAKES_HOME}
 
 
+def test_the_session_names_no_view_but_the_demo_that_it_leads():
+    graph = grimp.build_graph("etnet", "app", cache_dir=None)
+    contract = {"app.views", "app.views.view", "app.views.page", "app.views.panel"}
+    imported = {
+        name
+        for module in graph.find_descendants("app.session") | {"app.web", "app.state", "app.engine"}
+        for name in graph.find_modules_directly_imported_by(module)
+        if name.startswith("app.views")
+    }
+    assert imported - contract == {"app.views.demo.state"}
+
+
 @pytest.mark.parametrize("package", ["etnet", "app"])
 def test_importing_a_package_loads_neither_torch_nor_viser(package: str):
     code = f"import sys, {package}; print([m for m in ('torch', 'viser', 'h5py', 'cv2') if m in sys.modules])"
