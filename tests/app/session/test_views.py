@@ -320,20 +320,28 @@ def _sample(hint):
         return get_args(hint)[0]
     if get_origin(hint) in (Union, UnionType):
         return _sample(get_args(hint)[0])
-    if get_origin(hint) is frozenset:
-        return frozenset({1})
+    if get_origin(hint) in (frozenset, tuple):
+        return get_origin(hint)(_sample(part) for part in get_args(hint) if part is not Ellipsis)
     known = {str: "a", int: 3, float: 0.5, bool: True, object: 1, Policy: BetweenFrames(), Cleaning: Cleaning(True)}
-    return known[hint] if hint in known else hint()
+    if hint in known:
+        return known[hint]
+    return _made(hint) if is_dataclass(hint) else hint()
+
+
+def _made(kind):
+    """A dataclass with some value in each field."""
+    hints = get_type_hints(kind)
+    return kind(**{entry.name: _sample(hints[entry.name]) for entry in fields(kind) if entry.init})
 
 
 def _intents():
     """One of each kind that there is, of the page, of what lies below the views, and of every view."""
     modules = [ask, downloads, *(sys.modules[type(view.initial).__module__] for view in VIEWS)]
+    named = {module.__name__ for module in modules}
     kinds = [kind for module in modules for kind in vars(module).values() if is_dataclass(kind)]
     for kind in dict.fromkeys(kinds):
-        if isinstance(kind, type) and not hasattr(kind, "view"):
-            hints = get_type_hints(kind)
-            yield kind(**{entry.name: _sample(hints[entry.name]) for entry in fields(kind) if entry.init})
+        if isinstance(kind, type) and not hasattr(kind, "view") and kind.__module__ in named:
+            yield _made(kind)
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
