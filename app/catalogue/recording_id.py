@@ -7,6 +7,7 @@ another way, or of which a part is there, is not the plain file's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from app.catalogue.videos import split_id
 from etnet.errors import RecordingError
@@ -119,6 +120,7 @@ def whole_id(recording_id: str) -> str:
     return recording_id.partition(_PART)[0]
 
 
+@lru_cache(maxsize=256)
 def listed_id(recording_id: str) -> str:
     """The id under which a file stands in the list, whatever is seen of it: a part, a film, with something stated."""
     return RecordingId.of(recording_id).base

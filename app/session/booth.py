@@ -37,8 +37,10 @@ class Booth:
     ) -> None:
         self._seat = seat
         self.mirror, self.homes, self.public_url = mirror, homes, public_url.rstrip("/")
-        self.is_active = mirror is not None or seat is not None
+        self.is_active = seat is not None
         """Whether a camera or a presenter may move the page; without either, only its visitor does."""
+        self.idle = None if mirror is None else MirrorShown(mirror.ticket)
+        """What the page says of a mirror that does not run."""
         self._moved_at = 0.0
 
     @property
@@ -66,6 +68,9 @@ class Booth:
 
     def heard(self, news: MirrorNews, home_id: str) -> tuple[Any, ...]:
         """What follows when the camera begins or ends: its recording plays, or the former one is shown again."""
+        self.is_active = self._seat is not None or bool(news.recording_id)
+        if self.mirror is not None:
+            self.idle = MirrorShown(self.mirror.ticket, trouble=self.mirror.trouble)
         if news.recording_id:
             return OpenSheet(""), ask.OpenRecording(news.recording_id), ask.TogglePlay()
         trouble = self.mirror is not None and self.mirror.trouble

@@ -108,7 +108,7 @@ class PageComposer:
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
             refused=refused.why,
-            mirror=booth.shown(moment, frames.index) if is_shared else None,
+            mirror=booth.shown(moment, frames.index) if is_shared else booth.idle,
             presenting=booth.presenting if is_shared else "",
             gives_home=booth.homes is not None,
             public_url=booth.public_url,

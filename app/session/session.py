@@ -7,8 +7,8 @@ draws what needs no model at once, and asks the engine for the rest; the newest 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from queue import SimpleQueue
+from collections.abc import Callable, Iterator, Sequence
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import viser
@@ -27,7 +27,7 @@ from app.session.facts import KnownFacts
 from app.session.jobs import JobNews
 from app.session.layout import arrangement_of, build_layout, watch_canvas
 from app.session.loader import Opened, Opening, RecordingLoader, Unopened
-from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented, letters
+from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented
 from app.session.page import PageComposer, VisitorRequests
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply
@@ -48,6 +48,8 @@ WAIT_FOR_HELLO = 1.0
 """Seconds in which a page says which tab it is; after that it is shown the default view."""
 GLANCE = 0.5
 """Seconds between two looks at what the engine has cached."""
+BUSY_FOR = 2.0
+"""Seconds after which what waits for a moment in which nothing comes in is done all the same."""
 
 
 class Session:
@@ -99,7 +101,7 @@ class Session:
         self._has_played = False
         self._moved_at = 0.0
         self._pushed_at = 0.0
-        self._glanced_at = self._grown_at = 0.0
+        self._glanced_at = self._grown_at = self._tidied_at = 0.0
         self._cached: Cached | None = None
         self._hovers_at: float | None = None
         """Seconds on the timeline that the pointer is over."""
@@ -139,12 +141,16 @@ class Session:
         began = time.monotonic()
         while not self._is_closed:
             try:
+                has_heard = False
                 for item in letters(self._mail, self._patience()):
+                    has_heard = True
                     self._take(item)
                 if not self._is_known and time.monotonic() - began > WAIT_FOR_HELLO:
                     self._is_known = True
-                if not self._is_closed:
+                if not self._is_closed and self._is_known:
                     self._advance()
+                    if not has_heard or time.monotonic() - self._tidied_at > BUSY_FOR:
+                        self._tidy()
             except Exception as error:  # what cannot be drawn must not end the visit
                 if self._held.said_gone(self._state):
                     self._is_dirty = True  # it left a live recording while it was drawn: that is drawn next
@@ -287,8 +293,6 @@ class Session:
             self._layout.arrange(self._state)
 
     def _advance(self) -> None:
-        if not self._is_known:
-            return
         if self._booth.is_active:
             self._state = self._booth.following(self._state)
         self._held.want(self._state)
@@ -308,8 +312,14 @@ class Session:
             self._is_dirty = False
             self._pushed_at = time.monotonic()
             self._push()
+
+    def _tidy(self) -> None:
+        """What waits until nothing comes in: the catalogue is looked at, and the page kept in its browser."""
+        self._tidied_at, is_moving = time.monotonic(), self._is_moving()
+        if not is_moving:
+            self._is_dirty |= self._known.look(self._state, self._held.share)
         goes_by_itself = self._state.is_playing or self._follows() or self._booth.is_active
-        if goes_by_itself or not self._is_moving():
+        if goes_by_itself or not is_moving:
             self._keeper.keep(self._state)  # not for each window under a finger
 
     def _play(self, shown: int | None) -> None:
@@ -337,8 +347,6 @@ class Session:
     def _glance(self) -> None:
         if self._standing.has_refused:
             self._is_dirty |= self._standing.is_due(time.monotonic())
-        if not self._is_moving():
-            self._is_dirty |= self._known.look(self._state, self._held.share)
         every = 0.0 if self._shows_mirror() else PUSH_INTERVAL if self._follows() else GLANCE
         if time.monotonic() - self._grown_at > every:
             self._grown_at = time.monotonic()
@@ -375,3 +383,13 @@ class Session:
         self._shown_index = self._state.index
         self._client.flush()
         self.drawn = time.monotonic(), page
+
+
+def letters(mail: SimpleQueue[Item], patience: float) -> Iterator[Item]:
+    """Everything in a mailbox; waits up to `patience` seconds for the first."""
+    try:
+        yield mail.get(timeout=patience)
+        while True:
+            yield mail.get_nowait()
+    except Empty:
+        return
