@@ -14,6 +14,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 from weakref import WeakSet
@@ -37,10 +38,12 @@ if TYPE_CHECKING:
     from app.catalogue.live import LiveFeed
     from app.catalogue.visitor import VisitorCatalogue
     from app.engine.engine import Engine
+    from app.session.messages import Item
     from app.session.session import Session
     from app.views.page import Page
     from app.web.access import Handler
     from app.web.server import Address
+    from etnet.events.recording import Recording
     from etnet.export.session_file import Session as TakenSession
 
 
@@ -201,10 +204,10 @@ class Viewer:
         if session is not None:
             config = config_of(session, config)
         self._config = config
-        own = own_views([*config.views, *views])
+        own = own_views([*config.views, *views], config.is_open)
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
-        self.catalogue = Catalogue(config, self.live)
+        self.catalogue = Catalogue(config, self.live, self._forget)
         self.default = default = self._first_view(config, session)
         self.token = config.token
         address = Address(config.host, config.port, config.token, config.public_url, is_embedded)
@@ -212,7 +215,6 @@ class Viewer:
         self._wanted_port = config.port
         self._address = address
         self.engine = self._new_engine(config, default)
-        self.catalogue.films.forget = self._forget
         self._visits: WeakSet[Session] = WeakSet()
         megabytes = config.upload_megabytes
         limits = None if megabytes is None else UploadLimits.of_megabytes(megabytes)
@@ -318,7 +320,7 @@ class Viewer:
     def _visit(self, client: viser.ClientHandle) -> Session:
         """One visitor. Who sits at this machine may record a live source and change its settings, but not in public."""
         from app.catalogue.visitor import VisitorCatalogue
-        from app.session.booth import Booth
+        from app.session.booth import Booth, MirrorNews
         from app.session.session import Session
         from app.web.peer import sits_here
 
@@ -329,9 +331,11 @@ class Viewer:
             is_host = not self.default.is_public and sits_here(self._address.public_url)
             seen = VisitorCatalogue(self.catalogue, desk, is_host)
             follow = partial(self._follow_session, self._config, seen, self.default)
-            seat = None if self._presentation is None else self._presentation.join(is_host, seen.entry)
-            booth = Booth(self.mirrors and self.mirrors.mirror(), self.homes, self._address.public_url or "", seat)
-            session = Session(client, seen, self.engine, self.default, desk, self._views, follow, booth)
+            mail: SimpleQueue[Item] = SimpleQueue()
+            seat = None if self._presentation is None else self._presentation.join(is_host, seen.entry, mail.put)
+            mirror = None if self.mirrors is None else self.mirrors.mirror(lambda begun: mail.put(MirrorNews(begun)))
+            booth = Booth(mirror, self.homes, self._address.public_url or "", seat)
+            session = Session(client, seen, self.engine, self.default, desk, self._views, follow, booth, mail)
         except BaseException:
             for held in (desk, booth):
                 if held is not None:
@@ -355,7 +359,7 @@ class Viewer:
             view = view_of(session, view, models)
             recording_id, opened = id_of(session, config, entries[0])
             view = replace(view, recording_id=recording_id)
-            self.catalogue.granted[recording_id] = opened
+            self.catalogue.grant(recording_id, opened)
         return public_view(view) if config.demo else view
 
     def _follow_session(
@@ -383,17 +387,11 @@ class Viewer:
 
     def _let_go(self, recording_id: str) -> None:
         """Forget a visitor's recording with everything that was computed of it."""
-        from app.engine.denoised import forget_cleaned
+        self._forget(recording_id, self.catalogue.let_go(recording_id))
 
-        recordings = self.catalogue.let_go(recording_id)
-        self._forget(recording_id)
-        for recording in recordings:
-            forget_cleaned(recording)
-
-    def _forget(self, recording_id: str) -> None:
+    def _forget(self, recording_id: str, recordings: Sequence[Recording] = ()) -> None:
         """Forget everything that was computed of a recording."""
-        from app.html.moment import ARRAYS, PICTURES
+        from app.html.moment import forget_recording
 
-        self.engine.forget(recording_id)
-        for shared in (PICTURES, ARRAYS):
-            shared.forget_word(recording_id)
+        self.engine.forget(recording_id, recordings)
+        forget_recording(recording_id)

@@ -13,9 +13,8 @@ from measure import report
 
 from app.catalogue.recordings import Catalogue, suited_policy
 from app.config import ViewerConfig
-from app.html.cloud import event_cloud
 from app.html.moment import Moment
-from app.html.pictures import event_image_html
+from app.html.pictures import event_cloud, event_image_html
 from app.views.timeline.html import timeline_html
 from app.views.voxels.html import voxel_html
 from etnet.windows import plan_windows

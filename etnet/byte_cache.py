@@ -67,10 +67,6 @@ class ByteCache(Generic[Key, Value]):
             for key in [key for key in self._values if matches(key)]:
                 self._nbytes -= self._values.pop(key)[1]
 
-    def forget_word(self, word: str) -> None:
-        """Forget every value in whose key this word stands: a recording's id that no other key can hold."""
-        self.forget(lambda key: word in repr(key))
-
     def set_budget(self, budget_bytes: int) -> None:
         """Change the budget; what no longer fits goes."""
         with self._lock:

@@ -42,7 +42,7 @@ def test_what_is_held_is_not_made_again():
     cache: ByteCache[str, list] = ByteCache(1000)
     first = cache.get("a", lambda: [1])
     assert cache.get("a", lambda: [2]) is first
-    cache.forget_word("a")
+    cache.forget(lambda key: key == "a")
     assert cache.get("a", lambda: [3]) == [3]
 
 

@@ -82,10 +82,10 @@ class MirrorSensor:
 class Mirror:
     """One visitor's. `show` and `set` are called by the camera's connection, the rest by the page."""
 
-    def __init__(self, mirrors: Mirrors) -> None:
+    def __init__(self, mirrors: Mirrors, on_change: Callable[[str], None]) -> None:
+        """`on_change` is told on any thread: the id of a recording that has begun, or "" when it is over."""
         self.ticket = secrets.token_urlsafe(18)
-        self.on_change: Callable[[str], None] = lambda recording_id: None
-        """Told on any thread: the id of a recording that has begun, or "" when it is over."""
+        self._on_change = on_change
         self.trouble = ""
         self._mirrors = mirrors
         self._lock = RLock()
@@ -121,7 +121,7 @@ class Mirror:
             self._id, self._began, self.trouble = f"mirror-{secrets.token_hex(12)}", time.monotonic(), ""
             self._seen = _Seen(self._live)
             self._mirrors.take_in(self._id, self._seen.wait)
-        self.on_change(self._id)
+        self._on_change(self._id)
 
     def show(self, grey: UInt8[np.ndarray, "h w"]) -> None:
         """Show a frame; returns when the pixels have seen it, so that no frame waits behind it."""
@@ -156,7 +156,7 @@ class Mirror:
             if live is None:
                 return
             self._live, self._frames, self._seen, self._id, self.trouble = None, None, None, "", trouble
-        self.on_change("")
+        self._on_change("")
         live.stop()
         self._pixels.close()
         self._mirrors.dismiss(self, gone)
@@ -164,7 +164,7 @@ class Mirror:
     def close(self) -> None:
         """The visitor has gone."""
         self._is_closed = True
-        self.on_change = lambda recording_id: None
+        self._on_change = lambda recording_id: None
         self.end()
         self._mirrors.leave(self)
 
@@ -230,9 +230,9 @@ class Mirrors:
         self._by_ticket: dict[str, Mirror] = {}
         self._running: set[Mirror] = set()
 
-    def mirror(self) -> Mirror:
-        """One more visitor's."""
-        made = Mirror(self)
+    def mirror(self, on_change: Callable[[str], None] = lambda recording_id: None) -> Mirror:
+        """One more visitor's, whose page is told when it begins and ends."""
+        made = Mirror(self, on_change)
         with self._lock:
             self._by_ticket[made.ticket] = made
         return made

@@ -22,8 +22,7 @@ from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of
 from app.catalogue.listed_facts import ListedFacts
 from app.catalogue.live import LiveFeed
 from app.catalogue.models import ModelEntry, digest, offered_models
-from app.catalogue.part_id import known_as, whole_id
-from app.catalogue.recording_id import listed_id, stated_in, view_in
+from app.catalogue.recording_id import RecordingId, known_as, listed_id, whole_id
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
 from app.config import ViewerConfig
@@ -65,8 +64,16 @@ class CatalogueError(EtnetError):
 class Catalogue:
     """Recordings and models by id; recordings are opened once for all visitors. Safe from every thread."""
 
-    def __init__(self, config: ViewerConfig, live: LiveFeed | None = None) -> None:
-        """`live`: a source that is one of the recordings; it is closed with the catalogue."""
+    def __init__(
+        self,
+        config: ViewerConfig,
+        live: LiveFeed | None = None,
+        forget: Callable[[str], object] = lambda recording_id: None,
+    ) -> None:
+        """`live`: a source that is one of the recordings; it is closed with the catalogue.
+
+        `forget` is told the id of a recording that is no more though its file is: a film under another setting.
+        """
         self._config = config
         self.live = live
         self._open: OrderedDict[str, Recording] = OrderedDict()
@@ -74,15 +81,18 @@ class Catalogue:
         self._lock = Lock()
         self._closed = Event()
         self._private: dict[str, Entry] = {}
-        self.films = Videos()
+        self.films = Videos(forget)
         self.facts = ListedFacts()
-        self.granted: dict[str, OpenedAs] = {}
-        """Ids that are opened in this way, whoever comes in: those of the host's own session file."""
+        self._granted: dict[str, OpenedAs] = {}
         self._scratch: PrivateFolder | None = None
         self._models = tuple(offered_models(config))
         self._watch = Watch({} if config.data is None else recordings_in(config.data))
         self._next_look = time.monotonic() + LOOK_EVERY if config.data is not None else math.inf
         self._entries = tuple(listed(config, self._watch.offered))
+
+    def grant(self, recording_id: str, opened: OpenedAs) -> None:
+        """Open an id in this way, whoever comes in: it is that of the host's own session file."""
+        self._granted[recording_id] = opened
 
     def entries(self) -> tuple[Entry, ...]:
         """The file of the command line, the bundled recordings, those of the --data folder, those to be fetched.
@@ -308,18 +318,18 @@ class Catalogue:
 
     def _view(self, entry: Entry, recording_id: str) -> View | None:
         """How it is seen, as its id says; `None` leaves that to the command line and to the size of the sensor."""
-        if recording_id in self.granted:
-            return self.granted[recording_id].view
-        view = view_in(recording_id)
+        if recording_id in self._granted:
+            return self._granted[recording_id].view
+        view = RecordingId.of(recording_id).seen
         if view is not None and self._config.is_open:
             raise CatalogueError(f"{entry.title}: is seen here as the viewer chooses; open it without an option")
         return view
 
     def _stated(self, entry: Entry, recording_id: str) -> Assumptions:
         """What is stated of a recording: in its id, else on the command line, which speaks of the files it names."""
-        if recording_id in self.granted:
-            return self.granted[recording_id].assumed
-        said = stated_in(recording_id)
+        if recording_id in self._granted:
+            return self._granted[recording_id].assumed
+        said = RecordingId.of(recording_id).stated
         if said != NOTHING_ASSUMED and not self.can_be_stated(entry):
             raise CatalogueError(f"{entry.title}: is taken at its word here; open it without a statement")
         is_named = _is_ones_own(entry) and entry.kind != "upload"

@@ -120,9 +120,9 @@ def is_simulated(recording: Recording) -> bool:
 class Videos:
     """All films of a server. Safe from every thread."""
 
-    def __init__(self) -> None:
-        self.forget: Callable[[str], object] = lambda recording_id: None
-        """Told the id of a film that is no more: nothing computed of it is of use."""
+    def __init__(self, forget: Callable[[str], object] = lambda recording_id: None) -> None:
+        """`forget` is told the id of a film that is no more: nothing computed of it is of use."""
+        self._forget = forget
         self._films: OrderedDict[str, _Film] = OrderedDict()
         self._beginnings: OrderedDict[tuple[str, int], Beginning] = OrderedDict()
         self._streams: dict[str, Callable[[Callable[[], bool]], Recording]] = {}
@@ -276,4 +276,4 @@ class Videos:
         if film is not None:
             film.cancelled.set()
             film.path.unlink(missing_ok=True)
-            self.forget(recording_id)
+            self._forget(recording_id)

@@ -18,21 +18,20 @@ from app.engine.gentle_import import GentleImport
 from app.engine.jobs import Job, JobQueue, Tell
 from app.engine.kept_frames import KeptFrames, KeptRanges, show_kept
 from app.engine.live import LiveSteps
-from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache
+from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache, nowhere
 from app.engine.prefetch import Prefetcher
-from app.engine.published import Published
+from app.engine.published import Published, RecentFrames, Thumbnails
 from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
-from app.engine.recent_frames import RecentFrames
 from app.engine.replies import array_of, check_step, hand_over, ready_of
 from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
-from app.engine.thumbnails import Thumbnails
 from etnet.errors import Cancelled, RecordingError, WindowError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from jaxtyping import Float32
 
+    from etnet.events.recording import Recording
     from etnet.playback.disk_cache import DiskCache
     from etnet.playback.playback import CacheReport, Step
 
@@ -67,9 +66,11 @@ class Engine:
         two starts, of recordings of which `keeps` says so (by id).
         `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
         """
-        self._kept = KeptFrames(library, disk, keeps, device, threads)
-        self._gentle = GentleImport()
-        self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load, self._kept.disk_for, tunes)
+        self._kept = None if disk is None else KeptFrames(library, disk, keeps, device, threads)
+        self._gentle: GentleImport | None = GentleImport()
+        disk_for = nowhere if self._kept is None else self._kept.disk_for
+        self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load, disk_for, tunes)
+        self.cleaned = self._playbacks.cleaned
         self._longest_step = longest_step
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
@@ -93,14 +94,15 @@ class Engine:
 
         A frame that was given lately is delivered at once, on the caller's thread: it need not wait for a step.
         """
-        self._gentle.page_asks()
-        at_hand = self._recent.find(request) or self._kept.find(request)
+        if (gentle := self._gentle) is not None:
+            gentle.page_asks()
+        kept = self._kept
+        at_hand = self._recent.find(request) or (None if kept is None else kept.find(request))
+        turn = self._book.put(visitor, request, deliver, is_shown=at_hand is not None)
         if at_hand is None:
-            turn = self._book.put(visitor, request, deliver)
-            if not self._kept.is_named(request):
-                THREADS.start(lambda: show_kept(self._kept, self._book, turn), "frames on disk")
+            if kept is not None and not kept.is_named(request):
+                THREADS.start(lambda: show_kept(kept, self._book, turn), "frames on disk")
             return
-        turn = self._book.put(visitor, request, deliver, is_shown=True)
         self._recent.keep(at_hand)
         hand_over(turn, at_hand)
         if not request.wants_attention and self._published.pace(request) is not None:
@@ -108,7 +110,8 @@ class Engine:
 
     def expect(self) -> None:
         """A visitor has come: their page is drawn before the network's code is imported further."""
-        self._gentle.page_begins()
+        if (gentle := self._gentle) is not None:
+            gentle.page_begins()
 
     def drop(self, visitor: str) -> None:
         """Forget a visitor who has left; work for them ends after the step that runs."""
@@ -130,8 +133,10 @@ class Engine:
             self._to_prepare = (model_id, precision)
             self._book.changed.notify_all()
 
-    def forget(self, recording_id: str) -> None:
-        """Forget everything that was computed of a recording, after the step that runs."""
+    def forget(self, recording_id: str, recordings: Sequence[Recording] = ()) -> None:
+        """Forget everything that was computed of a recording, after the step that runs; `recordings` are closed now."""
+        for recording in recordings:
+            self.cleaned.forget(recording)
         with self._book.changed:
             self._to_forget.append(recording_id)
             self._book.changed.notify_all()
@@ -147,7 +152,7 @@ class Engine:
 
     def cached(self, request: FrameRequest) -> CacheReport | KeptRanges | None:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
-        return self._published.cached(request) or self._kept.ranges(request)
+        return self._published.cached(request) or (None if self._kept is None else self._kept.ranges(request))
 
     def thumbnail(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
         """A small copy of a request's exact frame, if it was computed lately."""
@@ -214,7 +219,7 @@ class Engine:
         except Cancelled:
             return  # replaced by a newer request, dropped, or another visitor's turn: it stays in the book if wanted
         except Exception as error:
-            self._fail(turn, in_words(error, turn.request))
+            self._finish(turn, Failed(turn.request, in_words(error, turn.request)))
 
     def _grant(self, turn: PendingRequest) -> None:
         request, began = turn.request, time.perf_counter()
@@ -260,12 +265,12 @@ class Engine:
             self._say(turn, Working(request, 0, 0, what))
             self._is_loading = loads
             try:
-                self._gentle.import_network()
-                self._playbacks.start()
+                self._import_network()
                 loaded = self._playbacks.loaded(request)
             finally:
                 self._is_loading = False
-            self._kept.learn(request, loaded)
+            if self._kept is not None:
+                self._kept.learn(request, loaded)
             self._note_precision(request.model_id, request.precision)
             self._published.tell_pace(request, loaded)
             self._published.keep_only(self._playbacks.held_keys())
@@ -280,7 +285,8 @@ class Engine:
         self._jobs.forget(recording_id)
         self._recent.forget(recording_id)
         self._thumbnails.forget(recording_id)
-        self._kept.forget(recording_id)
+        if self._kept is not None:
+            self._kept.forget(recording_id)
         self._published.keep_only(self._playbacks.held_keys())
 
     def _preview(self, turn: PendingRequest, loaded: LoadedPlayback) -> None:
@@ -361,9 +367,6 @@ class Engine:
         if self._book.is_wanted(turn) and not is_done:
             hand_over(turn, reply)
 
-    def _fail(self, turn: PendingRequest, message: str) -> None:
-        self._finish(turn, Failed(turn.request, message))
-
     # While nobody waits.
 
     def _note_prepared(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
@@ -379,14 +382,20 @@ class Engine:
         self._to_prepare = None
         self._is_loading = True
         try:
-            self._gentle.import_network()
-            self._playbacks.start()
+            self._import_network()
             self._playbacks.model(model_id, precision)
             self._note_precision(model_id, precision)
         except Exception:
             _log.info("preparing %s failed; the first request will say why", model_id, exc_info=True)
         finally:
             self._is_loading = False
+
+    def _import_network(self) -> None:
+        """Import torch, and set it up; nothing is left to be gentle with after that."""
+        if self._gentle is not None:
+            self._gentle.import_network()
+            self._gentle = None
+        self._playbacks.start()
 
     def _note_precision(self, model_id: str, precision: str) -> None:
         self._published.tell_precision(model_id, precision, self._playbacks.model(model_id, precision)[0])

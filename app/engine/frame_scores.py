@@ -11,7 +11,6 @@ import numpy as np
 
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
-from etnet.byte_cache import ByteCache
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -22,9 +21,6 @@ Rule = Literal["paper", "evreal"]
 """A protocol of `etnet.evaluation`, by name; its module needs torch."""
 Values = Mapping[str, float]
 """Measure → value. "mse", "ssim", "lpips" only where there is a camera frame to hold against."""
-
-_SCORES = ByteCache(4 << 20)
-"""Values by what they depend on: a strip that is asked for again continues."""
 
 
 def frame_values(
@@ -43,7 +39,7 @@ def frame_values(
         made.append(_judged(loaded, request, rule, frame, cancelled))
         return made[0]
 
-    values = _SCORES.get((request, loaded.contract, rule, frame), make, lambda values: 64 * len(values))
+    values = loaded.scores.get((request, loaded.contract, rule, frame), make, lambda values: 64 * len(values))
     return values, bool(made)
 
 

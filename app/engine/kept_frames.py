@@ -27,7 +27,7 @@ from app.catalogue.recording_id import is_of
 from app.engine.playbacks import WARM_UP, Library, LoadedPlayback
 from app.engine.queue import PendingRequest, RequestQueue
 from app.engine.replies import hand_over
-from app.engine.requests import FrameRequest, Ready
+from app.engine.requests import FrameRequest, PlaybackKey, Ready
 from etnet.bundled import models
 from etnet.errors import EtnetError
 from etnet.events.denoise import UNCLEANED
@@ -70,7 +70,7 @@ class KeptFrames:
         self._disk = disk
         self._keeps = keeps
         self._runs_with = (device, threads)
-        self._named: dict[tuple[object, ...], _Named | None] = {}
+        self._named: dict[PlaybackKey, _Named | None] = {}
         self._lock = Lock()
 
     def disk_for(self, request: FrameRequest) -> DiskCache | None:
@@ -136,7 +136,7 @@ class KeptFrames:
     def forget(self, recording_id: str) -> None:
         """Forget where a recording's frames are kept; they stay."""
         with self._lock:
-            for key in [key for key in self._named if is_of(str(key[0]), recording_id)]:
+            for key in [key for key in self._named if is_of(key.recording_id, recording_id)]:
                 del self._named[key]
 
     def _name(self, request: FrameRequest) -> _Named | None:

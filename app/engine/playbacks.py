@@ -5,18 +5,17 @@ Used by the engine's thread alone. torch is imported on the first call, never be
 
 from __future__ import annotations
 
-import time
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from app.catalogue.cut import CutRecording, windows_of
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
-from app.engine.denoised import cleaned_once
-from app.engine.requests import FrameRequest
+from app.engine.denoised import CleanedRecordings
+from app.engine.requests import FrameKey, FrameRequest, PlaybackKey
 from app.engine.warmth import SPARSEST, windows_seen
 from etnet.byte_cache import ByteCache
 from etnet.errors import ModelError, WindowError
@@ -47,6 +46,9 @@ _TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
 _GROWTH = 1.2
 """A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
 
+SCORE_BYTES = 4 << 20
+Scores = ByteCache[tuple[FrameRequest, object, str, "int | None"], Mapping[str, float]]
+"""Values by what they depend on: the frame, the contract, the protocol's rule and the camera frame."""
 Loader = Callable[[ModelEntry, str, str], Any]
 """(model entry, precision, device) → a reconstructor that is ready to run."""
 
@@ -55,8 +57,9 @@ DiskFor = Callable[[FrameRequest], "DiskCache | None"]
 """Where the playback of a request keeps its frames between two runs; `None`: nowhere."""
 
 
-def _nowhere(request: FrameRequest) -> None:
-    return None
+def nowhere(request: FrameRequest) -> None:
+    """Nothing is kept."""
+    return
 
 
 HELD_UP = 4
@@ -120,6 +123,8 @@ class LoadedPlayback:
     state_bytes: int = 0
     sparsest: float = SPARSEST
     """Events per pixel of a window that counts as a whole one while the state warms up."""
+    scores: Scores = field(default_factory=lambda: ByteCache(SCORE_BYTES))
+    """How good its frames are, of all playbacks: a strip that is asked for again continues."""
     beside: Callable[[FrameRequest], LoadedPlayback] | None = None
     """The playback of another request, for a job about several runs; asked on the engine's thread."""
     branch: tuple[tuple[object, ...], Playback] | None = None
@@ -170,10 +175,11 @@ class LoadedPlayback:
     def grow(self, request: FrameRequest) -> None:
         """Take in what a recording that is still being made has become."""
         latest = self.playback.recording.latest
-        if latest is None or request.cold_at or request.index < len(self.windows):
+        if latest is None or request.index < len(self.windows):
             return
         recording = latest()
-        windows = windows_of(recording, request.policy, self.windows)
+        former = () if request.cold_at else self.windows  # those of a cold start are numbered from there
+        windows = from_window(windows_of(recording, request.policy, former), request.cold_at)
         self.playback.grow(recording, windows)
         if self.branch is not None:
             self.branch[1].grow(recording, windows)
@@ -213,22 +219,22 @@ class PlaybackCache:
         device: str,
         threads: int | None,
         load: Loader | None = None,
-        disk_for: DiskFor = _nowhere,
+        disk_for: DiskFor = nowhere,
         tunes: bool = False,
     ) -> None:
         """`tunes`: networks run with the kernels that were measured to be fastest here."""
-        self._library = library
-        self._disk_for = disk_for
-        self._tunes = tunes
+        self._library, self._disk_for, self._tunes = library, disk_for, tunes
         self._untried: tuple[Any, int, int] | None = None
-        self._budget_bytes = budget_bytes
-        self._device = device
-        self._threads = threads
+        self._budget_bytes, self._device, self._threads = budget_bytes, device, threads
+        self.cleaned = CleanedRecordings()
+        self._scores: Scores = ByteCache(SCORE_BYTES)
         self._load = load or load_network
         self._models: OrderedDict[tuple[str, str], tuple[Any, float]] = OrderedDict()
-        self._stages: OrderedDict[tuple[object, ...], LoadedPlayback] = OrderedDict()
+        self._stages: OrderedDict[PlaybackKey, LoadedPlayback] = OrderedDict()
+        self.version = 0
+        """Counts the playbacks that came and went."""
         share = int(budget_bytes * ATTENTION_SHARE)
-        self._attention: ByteCache[tuple[object, ...], Attention] = ByteCache(share, overhead=0, fewest=1)
+        self._attention: ByteCache[FrameKey, Attention] = ByteCache(share, overhead=0, fewest=1)
 
     def start(self) -> None:
         """Import torch and set its threads, for this thread and process."""
@@ -249,7 +255,7 @@ class PlaybackCache:
             self._models[key] = (model, _trial_milliseconds(model))
             while len(self._models) > KEPT_MODELS:
                 gone, _ = self._models.popitem(last=False)
-                self._let_go([name for name in self._stages if (name[1], name[2]) == gone])
+                self._let_go([name for name in self._stages if name.network == gone])
         self._models.move_to_end(key)
         return self._models[key]
 
@@ -258,6 +264,7 @@ class PlaybackCache:
         key = request.playback
         if key not in self._stages:
             self._stages[key] = self._new_stage(request)
+            self.version += 1
             self._let_go(list(self._stages)[:-KEPT_PLAYBACKS])
             self._divide()
         self._stages.move_to_end(key)
@@ -277,28 +284,28 @@ class PlaybackCache:
         """The playback for a request if there is one; makes none."""
         return self._stages.get(request.playback)
 
-    def held_keys(self) -> frozenset[tuple[object, ...]]:
+    def held_keys(self) -> frozenset[PlaybackKey]:
         """Which playbacks are kept, by `FrameRequest.playback`."""
         return frozenset(self._stages)
 
     def forget(self, recording_id: str) -> None:
-        """Forget every playback of a recording."""
-        self._let_go([key for key in self._stages if is_of(str(key[0]), recording_id)])
+        """Forget every playback of a recording, and how good its frames were."""
+        self._scores.forget(lambda key: is_of(key[0].recording_id, recording_id))
+        self._let_go([key for key in self._stages if is_of(key.recording_id, recording_id)])
 
     def attention(self, request: FrameRequest) -> Attention | None:
         """The attention of a request's frame, if it is still held."""
-        return self._attention.find((*request.playback, *request.frame))
+        return self._attention.find(request.key)
 
     def keep_attention(self, request: FrameRequest, attention: Attention) -> None:
         """Hold a frame's attention for the next request; the oldest go when their share of the budget is full."""
-        self._attention.keep((*request.playback, *request.frame), attention, attention.nbytes)
+        self._attention.keep(request.key, attention, attention.nbytes)
 
     def _new_stage(self, request: FrameRequest) -> LoadedPlayback:
         from etnet.nets.runtime import contract_of
         from etnet.playback.playback import Playback
 
-        recording = self._library.open(request.recording_id)
-        recording = cleaned_once(recording, request.cleaning)
+        recording = self.cleaned.of(self._library.open(request.recording_id), request.cleaning)
         windows = from_window(windows_of(recording, request.policy), request.cold_at)
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
@@ -310,18 +317,19 @@ class PlaybackCache:
         playback = Playback(model, recording, windows, self._budget_bytes, disk, first=first)
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
-        loaded = LoadedPlayback(playback, contract_of(model), warm_up, Pace(), trial * growth)
         band = self._library.model(request.model_id).trained_band
-        loaded.sparsest = SPARSEST if band is None else band[0]
-        loaded.beside = self.loaded
-        return loaded
+        sparsest = SPARSEST if band is None else band[0]
+        pace, expected = Pace(), trial * growth
+        return LoadedPlayback(
+            playback, contract_of(model), warm_up, pace, expected, 0, sparsest, self._scores, self.loaded
+        )
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:
         """Use the kernels measured for this size, where the network has made no frame yet (its contract would change).
 
         What is not measured is tried when nobody waits (`try_kernels`), for the next start.
         """
-        is_in_use = any(key[1:3] == (request.model_id, request.precision) for key in self._stages)
+        is_in_use = any(key.network == request.playback.network for key in self._stages)
         if not self._tunes or is_in_use or not hasattr(model, "runtime") or not hasattr(model, "config"):
             return
         from etnet.nets.tuning import apply_kept
@@ -343,24 +351,18 @@ class PlaybackCache:
         """Whether kernels are to be tried once nobody waits."""
         return self._untried is not None
 
-    def _let_go(self, keys: Sequence[tuple[object, ...]]) -> None:
+    def _let_go(self, keys: Sequence[PlaybackKey]) -> None:
         for key in keys:
             del self._stages[key]
-            self._attention.forget(lambda frame, of=key: frame[: len(of)] == of)
+            self._attention.forget(lambda frame, of=key: frame[0] == of)
         if keys:
+            self.version += 1
             self._divide()
 
     def _divide(self) -> None:
         share = int(self._budget_bytes * (1 - ATTENTION_SHARE)) // max(len(self._stages), 1)
         for loaded in self._stages.values():
             loaded.budget_bytes = share
-
-
-def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:
-    """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
-    from etnet.nets.runtime import contract_of
-
-    return request.is_original and contract_of(loaded.playback.model) == loaded.contract
 
 
 def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
@@ -374,22 +376,22 @@ def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
 
 
 def _trial_milliseconds(model: Any) -> float:
-    """The faster of two steps over an empty 128×96 window, ms."""
+    """A step over an empty 128×96 window, after one that is not counted, ms."""
     import torch
 
+    from etnet.nets.precision import best_of
     from etnet.nets.runtime import device_of, wait_for
 
     device = device_of(model)
     voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
-    times: list[float] = []
+
+    def step() -> None:
+        pyramid, _ = model.encode(voxel, None, ORIGINAL)
+        model.decode(pyramid, None, ORIGINAL)
+        wait_for(device)
+
     with torch.inference_mode():
-        for _ in range(2):
-            began = time.perf_counter()
-            pyramid, _ = model.encode(voxel, None, ORIGINAL)
-            model.decode(pyramid, None, ORIGINAL)
-            wait_for(device)
-            times.append((time.perf_counter() - began) * 1000)
-    return min(times)
+        return best_of(step, runs=1) * 1000
 
 
 def _follow(mean: float | None, value: float | None) -> float | None:

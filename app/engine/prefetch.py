@@ -29,9 +29,18 @@ class Prefetcher:
         self._book = book
         self._plans: dict[str, tuple[PendingRequest, Iterator[Task] | None]] = {}
         self._last: dict[str, FrameRequest] = {}
+        self._seen = (-1, -1)
 
     def has_work(self) -> bool:
-        """Whether some visitor's next windows are not prepared; forgets the plans of old requests."""
+        """Whether some visitor's next windows are not prepared."""
+        seen = self._book.version, self._playbacks.version
+        if seen != self._seen:
+            self._seen = seen
+            self._plan()
+        return any(tasks is not None for _, tasks in self._plans.values())
+
+    def _plan(self) -> None:
+        """What comes next for every visitor; the plans of old requests are forgotten."""
         turns = {turn.visitor: turn for turn in self._book.last_turns()}
         self._plans = {name: plan for name, plan in self._plans.items() if turns.get(name) is plan[0]}
         self._last = {name: request for name, request in self._last.items() if name in turns}
@@ -42,7 +51,6 @@ class Prefetcher:
                 tasks = windows_ahead(turn.request.index, len(loaded.windows), loaded.num_states, stride)
                 self._plans[visitor] = (turn, tasks)
                 self._last[visitor] = turn.request
-        return any(tasks is not None for _, tasks in self._plans.values())
 
     def work(self, cancelled: Callable[[], bool], report: Callable[[FrameRequest, LoadedPlayback], None]) -> None:
         """One task, for the first visitor who has any left. No task of a request is tried twice, so this ends."""

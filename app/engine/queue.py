@@ -45,6 +45,8 @@ class RequestQueue:
         self._served_at: dict[str, int] = {}
         self._granted_at: dict[str, float] = {}
         self._clock = 0
+        self.version = 0
+        """Counts whatever is asked and dropped: as long as it stays, the last requests do."""
 
     def put(self, visitor: str, request: FrameRequest, deliver: Deliver, is_shown: bool = False) -> PendingRequest:
         """Ask for something; what the visitor wished for before is forgotten."""
@@ -53,6 +55,7 @@ class RequestQueue:
             self._waiting[visitor] = self._last[visitor] = turn
             self._served_at.setdefault(visitor, 0)
             self._granted_at.setdefault(visitor, time.monotonic())
+            self.version += 1
             self.changed.notify_all()
             return turn
 
@@ -61,6 +64,7 @@ class RequestQueue:
         with self.changed:
             for held in (self._waiting, self._last, self._served_at, self._granted_at):
                 held.pop(visitor, None)
+            self.version += 1
             self.changed.notify_all()
 
     def next_turn(self) -> PendingRequest | None:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.engine.failures import check_finite
-from app.engine.playbacks import LoadedPlayback, is_exact
+from app.engine.playbacks import LoadedPlayback
 from app.engine.queue import PendingRequest
 from app.engine.requests import FrameRequest, Ready, Reply
 from etnet.errors import WindowError
@@ -49,6 +49,13 @@ def ready_of(
         num_seen=num_seen,
         warm_up=loaded.warm_up,
     )
+
+
+def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:
+    """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
+    from etnet.nets.runtime import contract_of
+
+    return request.is_original and contract_of(loaded.playback.model) == loaded.contract
 
 
 def array_of(frame: Tensor) -> Float32[np.ndarray, "h w"]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float32
@@ -18,6 +18,31 @@ if TYPE_CHECKING:
     from etnet.nets.runtime import Contract
 
 Precision = Literal["auto", "fp32", "bf16"]
+
+
+class PlaybackKey(NamedTuple):
+    """What shares one playback: everything of a request but its window and what is changed in it."""
+
+    recording_id: str
+    model_id: str
+    precision: Precision
+    policy: Policy
+    cleaning: Cleaning
+    cold_at: int
+
+    @property
+    def network(self) -> tuple[str, Precision]:
+        """The network and its precision."""
+        return self.model_id, self.precision
+
+    @property
+    def cut(self) -> tuple[Policy, Cleaning, int]:
+        """How the recording is cut into windows."""
+        return self.policy, self.cleaning, self.cold_at
+
+
+FrameKey = tuple[PlaybackKey, tuple[object, ...]]
+"""A playback, and what tells one of its frames from the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +72,11 @@ class FrameRequest:
         return self.index, *self.change
 
     @property
+    def key(self) -> FrameKey:
+        """What tells its frame from every other."""
+        return self.playback, self.frame
+
+    @property
     def change(self) -> tuple[Intervention, EventEdit, int | None, bool]:
         """What is done to the network and its events on purpose."""
         return self.intervention, self.edit, self.since, self.once
@@ -67,9 +97,10 @@ class FrameRequest:
         return replace(self, wants_attention=False, intervention=ORIGINAL, edit=UNEDITED, since=None, once=False)
 
     @property
-    def playback(self) -> tuple[str, str, Precision, Policy, Cleaning, int]:
+    def playback(self) -> PlaybackKey:
         """What shares one playback: everything but the index."""
-        return self.recording_id, self.model_id, self.precision, self.policy, self.cleaning, self.cold_at
+        key = self.recording_id, self.model_id, self.precision, self.policy, self.cleaning, self.cold_at
+        return PlaybackKey(*key)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from app.html.elements import ON_PICK, empty, escape, legend, picture
+from app.html.elements import ON_PICK, bar, empty, escape, legend, picture
 from app.html.moment import PICTURES
-from app.html.reads import ramp_reads
+from app.html.pictures import ramp_reads
 from app.html.units import count, resolution
 from etnet.render.colours import OFF, ON, css_gradient, diverge, diverging, hexadecimal
 from etnet.render.encode import data_url
@@ -109,10 +109,7 @@ def grey_picture(grey: UInt8[np.ndarray, "h w"], alt: str, key: object, marks: s
 
 def under_way(share: float, what: str) -> str:
     """How far an answer has come."""
-    return (
-        f'<div class="et-lag" data-testid="under-way"><span>{escape(what)}</span>'
-        f'<div class="et-bar{"" if share else " et-bar-wait"}"><i style="width:{share:.0%}"></i></div></div>'
-    )
+    return f'<div class="et-lag" data-testid="under-way"><span>{escape(what)}</span>{bar(share, waits=not share)}</div>'
 
 
 def stale_line(shown: int, wanted: int) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import overload
 
 import numpy as np
 from jaxtyping import Float32
 
 from app.catalogue.cut import CutRecording
+from app.catalogue.recording_id import is_of
 from etnet.byte_cache import ByteCache
 from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.events import Events
@@ -68,6 +69,21 @@ class Moment:
     def events_per_pixel(self) -> float:
         """How dense the window is."""
         return self.window.num_events / self.recording.sensor.num_pixels
+
+
+def forget_recording(recording_id: str) -> None:
+    """Forget every picture and array of a recording, whatever was computed of it under whichever of its ids."""
+    for shared in (PICTURES, ARRAYS):
+        shared.forget(lambda key: is_about(key, recording_id))
+
+
+def is_about(key: object, recording_id: str) -> bool:
+    """Whether a key names a recording: by its id, or by a moment, request or job that holds it."""
+    if isinstance(key, str):
+        return is_of(key, recording_id)
+    if isinstance(key, tuple):
+        return any(is_about(part, recording_id) for part in key)
+    return is_dataclass(key) and any(is_about(getattr(key, part.name), recording_id) for part in fields(key))
 
 
 def newest_of(moment: Moment) -> Moment:

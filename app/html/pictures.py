@@ -1,24 +1,36 @@
-"""The three pictures of one moment: what the sensor reported, what the network makes of it, what a camera saw."""
+"""The pictures of one moment: what the sensor reported, what the network makes of it, what a camera saw.
+
+How grey values are shown, what a picture's colours stand for, two pictures under a sliding line, and the window's
+events as a cloud of points.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 
 from app.catalogue.cut import is_live
 from app.engine.requests import Failed, Ready, Working
 from app.html.attention.changed import change_words
-from app.html.elements import chip, empty, escape, legend, marker, panel, picture, swatch
+from app.html.elements import bar, chip, empty, escape, legend, marker, panel, picture, swatch
 from app.html.moment import ARRAYS, PICTURES, Moment
-from app.html.reads import grey_reads
-from app.html.swipe import swiped
-from app.html.tones import Tones
 from app.html.units import count, milliseconds, short
 from etnet.errors import RecordingError
 from etnet.render.colours import OFF, ON, counting, css_gradient, diverging, hexadecimal
 from etnet.render.encode import Indexed, data_url
-from etnet.render.events import BUSY, EventStyle, event_image
-from etnet.render.tone import resolve, tone_map
+from etnet.render.events import BUSY, EventStyle, event_image, polarity_colours
+from etnet.render.tone import GAMMA, Tone, resolve, tone_map
+
+
+@dataclass(frozen=True, slots=True)
+class Tones:
+    """`is_linear_light` is what the network's card says of its frames."""
+
+    tone: Tone = "auto"
+    is_linear_light: bool = True
+
 
 _TONE_WORDS = {
     "raw": "linear",
@@ -111,11 +123,7 @@ def lag_line(ready: Ready | None, wanted: int | None, working: Working | None, f
     )
     how_far = f": warm-up {working.done} of {total}" if working and total else ": computing"
     text = working.message if working and not total and working.message else f"Frame {count(wanted)}{how_far}{shown}"
-    waits = "" if total else " et-bar-wait"
-    return (
-        f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>'
-        f'<div class="et-bar{waits}"><i style="width:{share:.0%}"></i></div></div>'
-    )
+    return f'<div class="et-lag" data-testid="lag"><span>{escape(text)}</span>{bar(share, waits=not total)}</div>'
 
 
 def badges(ready: Ready, tones: Tones, first: str = "") -> str:
@@ -231,3 +239,70 @@ def _event_legend(style: EventStyle, limit: float) -> str:
         case "decay":
             ticks = [(0.0, f"−{short(limit)}"), (0.5, "0"), (1.0, f"+{short(limit)}")]
             return legend("signed events, older ones fading", css_gradient(diverging()), ticks)
+
+
+_STOPS = 33
+"""Colours of a ramp that are handed over; between two of them it runs straight."""
+
+
+def grey_reads(tones: Tones) -> str:
+    """A raw frame in grey levels. Nothing where a tone depends on the whole frame: its greys name no value."""
+    match resolve(tones.tone, tones.is_linear_light):
+        case "gamma":
+            return f"grey:0:1:{GAMMA}"
+        case "raw":
+            return "grey:0:1:1"
+    return ""
+
+
+def ramp_reads(colours: UInt8[np.ndarray, "n 3"], low: float, high: float, unit: str = "") -> str:
+    """Values from `low` to `high` in the colours of a ramp, from its first to its last; `unit` stands after them."""
+    chosen = colours[np.linspace(0, len(colours) - 1, _STOPS).round().astype(int)]
+    stops = ",".join(hexadecimal((int(red), int(green), int(blue))) for red, green, blue in chosen)
+    return f"ramp:{low:.6g}:{high:.6g}:{stops}:{unit}"
+
+
+def swiped(left: str, right: str, names: tuple[str, str], ratio: float) -> str:
+    """`left` is seen left of the line, `right` right of it; `ratio` is their width to their height."""
+    left_name, right_name = (escape(name) for name in names)
+    return (
+        f'<div class="et-swipe" data-testid="swipe" style="--ratio:{ratio:.4f}">{right}<div>{left}</div><i></i>'
+        f'<span class="et-swiped">{left_name}</span><span class="et-swiped">{right_name}</span></div>'
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EventCloud:
+    """`positions`: pixel x and y (their middles), and age: 0 at the window's end (newest) … 1 at its start."""
+
+    positions: Float32[np.ndarray, "n 3"]
+    colours: UInt8[np.ndarray, "n 3"]
+    num_events: int
+    duration_ms: float
+    is_traced: bool = False
+    """Whether the colours say what a pixel owes to the events, and not their polarity."""
+
+    @property
+    def is_thinned(self) -> bool:
+        """Whether some events are left out."""
+        return len(self.positions) < self.num_events
+
+
+def event_cloud(moment: Moment, limit: int) -> EventCloud:
+    """At most `limit` points: every k-th event, so that density over time and place is kept."""
+    return ARRAYS.get(
+        ("cloud", moment.key, limit), lambda: _cloud(moment, limit), lambda made: 15 * len(made.positions)
+    )
+
+
+def _cloud(moment: Moment, limit: int) -> EventCloud:
+    events, window = moment.events, moment.window
+    chosen = np.arange(len(events))
+    if len(events) > limit:
+        chosen = np.linspace(0, len(events) - 1, limit).round().astype(np.int64)
+    positions = np.empty((len(chosen), 3), np.float32)
+    positions[:, 0] = events.x[chosen] + 0.5
+    positions[:, 1] = events.y[chosen] + 0.5
+    positions[:, 2] = (window.t_stop - events.t[chosen]) / max(window.t_stop - window.t_start, 1)
+    colours = polarity_colours(events)[chosen]
+    return EventCloud(positions, colours, len(events), (window.t_stop - window.t_start) / 1000)

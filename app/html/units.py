@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from app.html.moment import NUM_BINS
 from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
 
@@ -76,3 +77,10 @@ def resolution(scale: int) -> str:
 def fraction(value: float) -> str:
     """Powers of two below one as fractions: 1/4, 1/2, 1, 8."""
     return f"1/{round(1 / value)}" if value < 1 else f"{value:g}"
+
+
+def bin_words(index: int) -> str:
+    """Around which part of the window's time a bin gathers: a bin's votes peak at index / (bins − 1)."""
+    half = 50 / (NUM_BINS - 1)
+    middle = 100 * index / (NUM_BINS - 1)
+    return f"{max(middle - half, 0):.0f}–{min(middle + half, 100):.0f} %"

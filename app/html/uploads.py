@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.html.elements import ON_PICK, escape, panel
+from app.html.elements import ON_PICK, bar, escape, panel
 
 if TYPE_CHECKING:
     from app.catalogue.visitor_uploads import UploadsShown
@@ -42,7 +42,7 @@ def coming_html(desk: UploadsShown) -> str:
         name, share = desk.coming
         parts.append(
             f'<div class="et-lag" data-testid="coming"><span>{escape(name)}, {share:.0%}</span>{_STOP}'
-            f'<div class="et-bar"><i style="width:{share:.0%}"></i></div></div>'
+            f"{bar(share)}</div>"
         )
     return "".join(parts)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,6 @@ from app.catalogue.mirror import Mirror
 from app.engine.downloads import Download, Downloaded
 from app.html.moment import Moment
 from app.session.jobs import JobNews
-from app.session.messages import Presented
 from app.session.presentation import Seat
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
@@ -38,14 +37,11 @@ class Booth:
     ) -> None:
         self._seat = seat
         self.mirror, self.homes, self.public_url = mirror, homes, public_url.rstrip("/")
+        self.is_active = seat is not None
+        """Whether a camera or a presenter may move the page; without either, only its visitor does."""
+        self.idle = None if mirror is None else MirrorShown(mirror.ticket)
+        """What the page says of a mirror that does not run."""
         self._moved_at = 0.0
-
-    def listen(self, post: Callable[[MirrorNews | Presented], None]) -> None:
-        """Where news of the mirror and of the presentation go."""
-        if self._seat is not None:
-            self._seat.post = post
-        if self.mirror is not None:
-            self.mirror.on_change = lambda recording_id: post(MirrorNews(recording_id))
 
     @property
     def recording_id(self) -> str:
@@ -72,6 +68,9 @@ class Booth:
 
     def heard(self, news: MirrorNews, home_id: str) -> tuple[Any, ...]:
         """What follows when the camera begins or ends: its recording plays, or the former one is shown again."""
+        self.is_active = self._seat is not None or bool(news.recording_id)
+        if self.mirror is not None:
+            self.idle = MirrorShown(self.mirror.ticket, trouble=self.mirror.trouble)
         if news.recording_id:
             return OpenSheet(""), ask.OpenRecording(news.recording_id), ask.TogglePlay()
         trouble = self.mirror is not None and self.mirror.trouble

@@ -11,9 +11,8 @@ from typing import Any
 
 from app.state import intents as ask
 from app.state.view_state import ViewState
-from app.views.attention.state import AttentionState
+from app.views import VIEWS
 from app.views.demo.state import Act, PointAt
-from app.views.scene.state import SceneState
 from app.views.view import View
 
 IDLE = 60.0
@@ -126,10 +125,10 @@ def intents_of(beat: DemoStep, state: ViewState) -> tuple[Any, ...]:
     return tuple(intents)
 
 
-def public_view(default: ViewState) -> ViewState:
+def public_view(default: ViewState, views: Sequence[View] = VIEWS) -> ViewState:
     """How a public page begins: large pictures, each shown when the network has made it."""
     public = replace(default, workspace="demo", waits_for_frames=True, is_public=True)
-    return public.put(AttentionState(map_range="per map"), SceneState(camera="booth"))
+    return public.put(*(view.in_public for view in views if view.in_public is not None))
 
 
 class Throttle:

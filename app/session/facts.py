@@ -44,6 +44,8 @@ class KnownFacts:
         self._facts: Facts | None = None
         self._looked_at = 0.0
         self._share: float | None = None
+        self.has_live = catalogue.live(None) is not None
+        """Whether there is a live source."""
 
     def of(self, state: ViewState) -> Facts:
         """What is known; asked now if it is about another recording or network."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from app.engine.jobs import Job, JobResult, Tell
+from app.state.view_state import ViewState
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,9 +38,19 @@ class VisitorJobs:
         self._visitor = visitor
         self._post = post
         self._asked: dict[str, Job] = {}
+        self._basis: ViewState | None = None
         self.results: dict[str, JobResult] = {}
         """The newest news by slot. While a changed question is worked on, the answer to the last one stays: compare
         `result.job` with what is shown to tell."""
+
+    def follow(self, state: ViewState, is_moving: bool, jobs: Callable[[], Mapping[str, Job]]) -> None:
+        """Ask what a page wants, which `jobs` tells. While windows pass, nothing new is asked, and what is no longer
+        wanted is looked for only where more than the window has changed."""
+        basis = replace(state, index=0)
+        if is_moving and basis == self._basis:
+            return
+        self._basis = basis
+        (self.keep if is_moving else self.want)(jobs())
 
     def want(self, jobs: Mapping[str, Job]) -> None:
         """Ask what is new, drop what is no longer wanted."""

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import viser
 
 from app.html.assets import page_folder
-from app.html.card import segmented
+from app.html.elements import segmented
 from app.session.channel import AskHelp, open_channel
 from app.state import intents as ask
 from app.state.view_state import ViewState, Workspace
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
-from app.views.scene.state import ChooseCamera
-from app.views.view import View, open_tab, tabs
+from app.views.view import Command, View, open_tab, tabs
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
@@ -25,26 +24,23 @@ INSPECTOR_WIDTH: dict[Workspace, int] = {
     "inspect": 356, "attention": 356, "compare": 356, "recording": 420, "demo": 356,
 }  # fmt: skip
 """CSS pixels of the right column."""
-COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
-    ("Play or pause", "space", ask.TogglePlay()),
-    ("Play or pause ", "K", ask.TogglePlay()),
-    ("Previous window", "J", ask.Move(-1)),
-    ("Next window", "L", ask.Move(1)),
-    ("Back 10 windows", "pageup", ask.Move(-10)),
-    ("Forward 10 windows", "pagedown", ask.Move(10)),
-    ("First window", "home", ask.Seek(0)),
-    ("Last window", "end", ask.Seek(10**9)),
-    ("Mark A here", "I", ask.MarkHere("a")),
-    ("Mark B here", "O", ask.MarkHere("b")),
-    ("Clear marks", "U", ask.ClearMarks()),
-    ("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
-    ("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
-    ("Workspace: Compare", "3", ask.ShowWorkspace("compare")),
-    ("Workspace: Recording", "4", ask.ShowWorkspace("recording")),
-    ("Workspace: Demo", "5", ask.ShowWorkspace("demo")),
-    ("Camera: perspective", None, ChooseCamera("orbit")),
-    ("Camera: front", "F", ChooseCamera("front")),
-    ("Camera: side", None, ChooseCamera("side")),
+COMMANDS = (
+    Command("Play or pause", "space", ask.TogglePlay()),
+    Command("Play or pause ", "K", ask.TogglePlay()),
+    Command("Previous window", "J", ask.Move(-1)),
+    Command("Next window", "L", ask.Move(1)),
+    Command("Back 10 windows", "pageup", ask.Move(-10)),
+    Command("Forward 10 windows", "pagedown", ask.Move(10)),
+    Command("First window", "home", ask.Seek(0)),
+    Command("Last window", "end", ask.Seek(10**9)),
+    Command("Mark A here", "I", ask.MarkHere("a")),
+    Command("Mark B here", "O", ask.MarkHere("b")),
+    Command("Clear marks", "U", ask.ClearMarks()),
+    Command("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
+    Command("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
+    Command("Workspace: Compare", "3", ask.ShowWorkspace("compare")),
+    Command("Workspace: Recording", "4", ask.ShowWorkspace("recording")),
+    Command("Workspace: Demo", "5", ask.ShowWorkspace("demo")),
 )
 
 
@@ -62,6 +58,7 @@ class Layout:
     width: int = 0
     _open: set[str] = field(default_factory=set)
     _unsuited: frozenset[str] = frozenset()
+    _suited_to: str | None = None
 
     def arrange(self, state: ViewState) -> None:
         """Open the tab that a state names, close the others."""
@@ -77,7 +74,10 @@ class Layout:
             self.main.set_width(width)
 
     def suit(self, page: Page) -> None:
-        """Note which views can do something for what is open."""
+        """Note which views can do something for what is open; while windows pass, these stay the same."""
+        if page.is_moving and page.state.recording_id == self._suited_to:
+            return
+        self._suited_to = page.state.recording_id
         self._unsuited = frozenset(view.name for view in self.views if not view.suits(page))
 
     def _show_tabs(self, state: ViewState) -> None:
@@ -118,7 +118,7 @@ def build_layout(
     gui = client.gui
     offered = [view for view in views if view.is_public or not is_public]
     open_channel(gui, dispatch, views, ticket)
-    _add_commands(gui, dispatch)
+    _add_commands(gui, views, dispatch)
     panels = {view.name: view.make_panel(client) for view in offered}
     folders: dict[str, viser.GuiFolderHandle] = {}
 
@@ -126,7 +126,7 @@ def build_layout(
     with page.add_tab("Page", viser.Icon.LAYOUT):
         Html(gui, '<i class="etv-page-mark"></i>')
         for view in offered:
-            if view.name != "timeline" and view.workspaces:
+            if view.workspaces and not view.at_foot:
                 panels[view.name].build(gui, dispatch)
     page.float(x=0, y=0, width=900)
     cards = {name: [part for part in vars(panel).values() if isinstance(part, Html)] for name, panel in panels.items()}
@@ -141,7 +141,9 @@ def build_layout(
 
     foot = gui.add_panel()
     with foot.add_tab("Timeline", viser.Icon.TIMELINE):
-        panels["timeline"].build(gui, dispatch)
+        for view in offered:
+            if view.at_foot:
+                panels[view.name].build(gui, dispatch)
     foot.float(x=20, y=-15, width=900)
     layout = Layout(views, panels, cards, folders, strip, gui.main_panel)
     layout.suit(Page(ViewState()))
@@ -181,9 +183,10 @@ def close_modal(modal: GuiModalHandle | None) -> None:
         modal.close()
 
 
-def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None]) -> None:
-    for label, key, intent in (*COMMANDS, ("Shortcuts and glossary", None, AskHelp())):
-        command = gui.add_command(label, hotkey=key)  # pyright: ignore[reportArgumentType]  a key of viser's list
+def _add_commands(gui: viser.GuiApi, views: Sequence[View], dispatch: Callable[[Any], None]) -> None:
+    of_views = (command for view in views for command in view.commands)
+    for each in (*COMMANDS, *of_views, Command("Shortcuts and glossary", None, AskHelp())):
+        intent, command = each.intent, gui.add_command(each.label, hotkey=each.key)  # pyright: ignore[reportArgumentType]  a key of viser's list
 
         def speak(intent: Any = intent) -> Callable[[viser.CommandEvent], object]:
             async def heard(event: viser.CommandEvent) -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from app.engine.requests import Reply
 from app.session.jobs import JobNews
-from app.session.opening import Opened, Opening, Unopened
+from app.session.loader import Opened, Opening, Unopened
 from app.session.runs import RunPlanned, RunReply
 
 
@@ -38,13 +36,3 @@ class Closed:
 News = Reply | JobNews | RunPlanned | RunReply | Opening | Opened | Unopened
 Item = Any
 """An intent, or a message: `Hello`, `Resized`, `RemoveFile`, `HandedOver`, `CanvasChanged`, `Closed`, news …"""
-
-
-def letters(mail: SimpleQueue[Item], patience: float) -> Iterator[Item]:
-    """Everything in a mailbox; waits up to `patience` seconds for the first."""
-    try:
-        yield mail.get(timeout=patience)
-        while True:
-            yield mail.get_nowait()
-    except Empty:
-        return

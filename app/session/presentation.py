@@ -24,7 +24,8 @@ class Seat:
     """Whether it sits at the viewer's own machine."""
     opens: Callable[[str], object]
     """Raises an EtnetError for a recording that this page may not open."""
-    post: Callable[[Presented], None] = lambda news: None
+    post: Callable[[Presented], None]
+    """Told that the page that leads has moved, or that another one leads."""
 
     @property
     def words(self) -> str:
@@ -86,9 +87,11 @@ class Presentation:
         """Pages beside the one that leads."""
         return max(len(self._seats) - 1, 0)
 
-    def join(self, is_host: bool, opens: Callable[[str], object]) -> Seat:
+    def join(
+        self, is_host: bool, opens: Callable[[str], object], post: Callable[[Presented], None] = lambda news: None
+    ) -> Seat:
         """A page has come. The first one leads; one at the viewer's own machine before all others."""
-        seat = Seat(self, is_host, opens)
+        seat = Seat(self, is_host, opens, post)
         with self._lock:
             self._seats.append(seat)
             leader = self._leader

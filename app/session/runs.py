@@ -12,7 +12,7 @@ from typing import Protocol
 from app.catalogue.cut import is_live, windows_of
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
-from app.engine.denoised import cleaned_once
+from app.engine.denoised import CleanedRecordings
 from app.engine.playbacks import WARM_UP
 from app.engine.queue import Deliver
 from app.engine.replayed import FIRST, replayed_windows
@@ -56,6 +56,14 @@ class RunPlanned:
     windows: Sequence[Window] = ()
     cold_at: int = 0
     trouble: str = ""
+    recording: Recording | None = None
+    """What was planned, before anything is filtered out of it: a recording that grows becomes another object."""
+
+    def is_outgrown(self, recording: Recording) -> bool:
+        """Whether more of the recording is there now. A protocol is about all of it, so it waits for the end."""
+        if recording is self.recording or is_live(recording):
+            return False
+        return self.plan.replays is None or recording.latest is None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,11 +93,12 @@ class VisitorRuns:
         self,
         engine: RequestSink,
         catalogue: VisitorCatalogue,
+        cleaned: CleanedRecordings,
         visitor: str,
         post: Callable[[RunPlanned | RunReply], None],
     ) -> None:
         self._engine = engine
-        self._catalogue = catalogue
+        self._catalogue, self._cleaned = catalogue, cleaned
         self._visitor = visitor
         self._post = post
         self._answers = [NewestFrames() for _ in range(MOST_RUNS + 1)]
@@ -187,22 +196,24 @@ class VisitorRuns:
         return RunFrame(number, run, request, window, num_windows, facts, warm_up, *progress)
 
     def _planned(self, plan: RunPlan, moment: Moment) -> RunPlanned | None:
-        """The windows of a plan, if they are there; otherwise they are planned beside the page."""
+        """The newest windows of a plan that are there; those that are not are planned beside the page."""
         if plan == RunPlan(moment.recording_id, moment.policy, moment.cleaning):
             return RunPlanned(plan, moment.policy, moment.windows)
-        if plan in self._plans:
+        planned, recording = self._plans.get(plan), uncleaned(moment.recording)
+        if planned is not None:
             self._plans.move_to_end(plan)
-            return self._plans[plan]
-        if plan not in self._planning:
+        if plan not in self._planning and (planned is None or planned.is_outgrown(recording)):
             self._planning.add(plan)
-            THREADS.start(partial(self._plan, plan, uncleaned(moment.recording)), "planning")
-        return None
+            THREADS.start(partial(self._plan, plan, recording, planned), "planning")
+        return planned
 
-    def _plan(self, plan: RunPlan, recording: Recording) -> None:
+    def _plan(self, plan: RunPlan, recording: Recording, former: RunPlanned | None = None) -> None:
+        """`former`: the same plan when the recording was shorter."""
         try:
-            self._post(_planned_windows(plan, cleaned_once(recording, plan.cleaning)))
+            planned = _planned_windows(plan, self._cleaned.of(recording, plan.cleaning), former)
         except EtnetError as error:
-            self._post(RunPlanned(plan, plan.policy, trouble=str(error)))
+            planned = RunPlanned(plan, plan.policy, trouble=str(error))
+        self._post(replace(planned, recording=recording))
 
 
 def _is_main(number: int, run: Run) -> bool:
@@ -210,7 +221,7 @@ def _is_main(number: int, run: Run) -> bool:
     return number == 0 and run == Run()
 
 
-def _planned_windows(plan: RunPlan, recording: Recording) -> RunPlanned:
+def _planned_windows(plan: RunPlan, recording: Recording, former: RunPlanned | None) -> RunPlanned:
     """The windows of a plan. Raises EtnetError, in words for the page, where there are none."""
     needs_frames = plan.replays is not None or isinstance(plan.policy, BetweenFrames)
     if needs_frames and not recording.ground_truth:
@@ -221,9 +232,16 @@ def _planned_windows(plan: RunPlan, recording: Recording) -> RunPlanned:
     if plan.replays is not None:
         policy = replayed_windows(recording, plan.replays)
         return RunPlanned(plan, policy, from_window(windows_of(recording, policy), FIRST), FIRST)
-    windows, cold_at = windows_of(recording, plan.policy), 0
+    windows, cold_at = windows_of(recording, plan.policy, _taken_over(former)), 0
     if plan.cold_from is not None:
         cold_at = bisect.bisect_left(windows, plan.cold_from, key=lambda window: window.t_start)
     if cold_at >= len(windows):
         raise WindowError("No window begins after this moment; start cold earlier.")
     return RunPlanned(plan, plan.policy, from_window(windows, cold_at), cold_at)
+
+
+def _taken_over(former: RunPlanned | None) -> Sequence[Window]:
+    """The windows of a former plan that stay as they are: from the first one on, and made while more was to come."""
+    if former is None or former.cold_at or former.recording is None or former.recording.latest is None:
+        return ()
+    return former.windows

@@ -24,6 +24,7 @@ class SavedView:
         self._initial = initial
         self._tab: int | None = None
         self._kept = ""
+        self._kept_state: ViewState | None = None
         self._kept_at = 0.0
 
     @property
@@ -40,16 +41,15 @@ class SavedView:
             return self._default, ()
         return (self._default, ()) if text is None else from_text(text, self._default, self._initial)
 
-    def keep(self, state: ViewState) -> bool:
-        """Store the view, not more often than useful; whether it now stands in the browser."""
-        text = to_text(state)
-        if self._tab is None or text == self._kept:
-            return True
-        if time.monotonic() - self._kept_at < BETWEEN_WRITES:
-            return False
-        self._client.local_storage.set_item(self._key, text)
-        self._kept, self._kept_at = text, time.monotonic()
-        return True
+    def keep(self, state: ViewState) -> None:
+        """Store the view, if it has changed, and not more often than useful."""
+        is_too_soon = time.monotonic() - self._kept_at < BETWEEN_WRITES
+        if self._tab is None or state is self._kept_state or is_too_soon:
+            return
+        text, self._kept_state = to_text(state), state
+        if text != self._kept:
+            self._client.local_storage.set_item(self._key, text)
+            self._kept, self._kept_at = text, time.monotonic()
 
     @property
     def _key(self) -> str:

@@ -29,23 +29,28 @@ class Standing:
     """Used by the visitor's thread alone."""
 
     def __init__(self) -> None:
-        self._state: ViewState | None = None
+        self.page: ViewState | None = None
+        """The newest page that had its recording."""
+        self.recording_id: str | None = None
+        """That page's recording."""
+        self.has_refused = False
+        """Whether there is a refused recording to tell of."""
         self._refused = NOTHING_REFUSED
         self._said_at = 0.0
         self._seen_at = 0.0
 
     def note(self, state: ViewState) -> None:
         """This page has its recording."""
-        if self._state is not None and state.recording_id != self._state.recording_id:
-            self._refused = NOTHING_REFUSED
-        self._state = state
+        if self.recording_id is not None and state.recording_id != self.recording_id:
+            self._refused, self.has_refused = NOTHING_REFUSED, False
+        self.page, self.recording_id = state, state.recording_id
 
     def returned(self, now: ViewState, opened_id: str | None, why: str) -> ViewState | None:
         """The page before the one that failed for the reason `why`; `None` where that is not open any more."""
-        if self._state is None or opened_id != self._state.recording_id:
+        if self.page is None or opened_id != self.page.recording_id:
             return None
-        self._refused, self._said_at = Refused(now.recording_id, why), time.monotonic()
-        return replace(self._state, workspace=now.workspace, tab=now.tab, visit=now.visit, is_playing=False)
+        self._refused, self._said_at, self.has_refused = Refused(now.recording_id, why), time.monotonic(), True
+        return replace(self.page, workspace=now.workspace, tab=now.tab, visit=now.visit, is_playing=False)
 
     @property
     def refused(self) -> Refused:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from app.catalogue.recordings import CatalogueError
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.downloads import Download, Downloaded
 from app.session.booth import Booth
-from app.session.channel import AskHelp, Copied, FollowLink, Touched
+from app.session.channel import AskHelp, Copied, FollowLink
 from app.session.demo import DemoScript, Throttle, intents_of, may_ask
 from app.session.jobs import JobNews
 from app.session.layout import close_modal, show_help
@@ -22,14 +22,14 @@ from app.state import intents as ask
 from app.state.link import LinkError, from_link
 from app.state.view_state import Limits, ViewState
 from app.views.demo.state import PointAt
-from app.views.reduce import reduce_views
-from app.views.view import View
+from app.views.view import View, reduce_views
+from etnet.errors import EtnetError
 from etnet.files import in_megabytes
 
 if TYPE_CHECKING:
     from viser._gui_handles import GuiModalHandle
 
-Shown = AskHelp | Touched | FollowLink | Copied
+Shown = AskHelp | FollowLink | Copied
 """Messages that are answered here."""
 
 
@@ -43,7 +43,9 @@ class Visit:
         default: ViewState,
         views: Sequence[View],
         booth: Booth,
+        follow_session: Callable[[str], ViewState | None],
     ) -> None:
+        self._follow_session = follow_session
         self._booth = booth
         self._client = client
         self._catalogue = catalogue
@@ -55,11 +57,6 @@ class Visit:
         self._attract = DemoScript([entry.id for entry in entries], live) if is_public else None
         self._throttle = Throttle(time.monotonic())
         self._help: GuiModalHandle | None = None
-
-    @property
-    def is_public(self) -> bool:
-        """Whether the page shows itself; each visitor is a new one."""
-        return self._attract is not None
 
     def hears(self) -> bool:
         """Whether one more message of the visitor is taken. In public nobody may do more than a hand can."""
@@ -100,11 +97,23 @@ class Visit:
         if recalled.model_id not in models:
             recalled = self._reduced(recalled, ask.ChooseModel(models[0]))
         if refused:
-            self._refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
+            self.refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
         return recalled
 
     def _reduced(self, state: ViewState, intent: Any) -> ViewState:
         return reduce_views(state, intent, Limits(), self._views)
+
+    def handed(self, recording_id: str, state: ViewState) -> tuple[ViewState, tuple[Any, ...]]:
+        """A file has come: a session is followed, a recording opened. The view that follows, and what it asks."""
+        try:
+            page = self._follow_session(recording_id)
+        except EtnetError as error:
+            self.refuse("This session cannot be shown", str(error))
+            return state, ()
+        if page is not None:
+            return replace(page, workspace=state.workspace, tab=state.tab, visit=state.visit), ()
+        told = (view.name for view in self._views if view.opens_for(self._catalogue, recording_id))
+        return state, (ask.OpenRecording(recording_id), *map(ask.OpenTab, told))
 
     def hand_over(self, news: JobNews) -> tuple[Any, ...]:
         """Let the browser save a file that is made; what follows."""
@@ -131,8 +140,6 @@ class Visit:
                 self._client.add_notification(title, body, auto_close_seconds=4.0)
             case FollowLink(value):
                 return self._follow(value, state)
-            case Touched():
-                pass
         return state
 
     def _follow(self, value: str, state: ViewState) -> ViewState:
@@ -141,11 +148,11 @@ class Visit:
             linked, refused = from_link(value, state, [view.initial for view in self._views])
             self._catalogue.entry(linked.recording_id)
         except LinkError as error:
-            self._refuse("The moment in this address cannot be shown", str(error))
+            self.refuse("The moment in this address cannot be shown", str(error))
             return state
         except CatalogueError:
             why = "Its recording is not among those that can be opened here."
-            self._refuse("The moment in this address cannot be shown", why)
+            self.refuse("The moment in this address cannot be shown", why)
             return state
         if linked.model_id not in {entry.id for entry in self._catalogue.models()}:
             linked, refused = replace(linked, model_id=state.model_id), (*refused, "the network")
@@ -154,8 +161,9 @@ class Visit:
             private = {view.name for view in self._views if not view.is_public}
             linked = replace(linked, slices=tuple(s for s in linked.slices if s.view not in private))
         if refused:
-            self._refuse("Not all of this moment could be shown", f"Left out: {', '.join(refused)}.")
+            self.refuse("Not all of this moment could be shown", f"Left out: {', '.join(refused)}.")
         return linked
 
-    def _refuse(self, title: str, body: str) -> None:
+    def refuse(self, title: str, body: str) -> None:
+        """Say that something cannot be shown, and why."""
         self._client.add_notification(title, body, color="red", auto_close_seconds=12.0)

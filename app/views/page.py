@@ -10,8 +10,8 @@ from app.catalogue.videos import VideoShown
 from app.catalogue.visitor_uploads import UploadsShown
 from app.engine.jobs import JobResult
 from app.engine.requests import Failed, FrameRequest, Ready, Working
-from app.html.cloud import EventCloud
 from app.html.moment import Moment
+from app.html.pictures import EventCloud
 from app.html.provenance import ModelFacts
 from app.html.timeline_marks import Cached, Hovered
 from app.state.run import Run

@@ -1,16 +1,23 @@
-"""The contract of a view, one part of the page: all that session, link, stored view and layout know of it."""
+"""The contract of a view, one part of the page: all that session, link, stored view and layout know of it.
+
+One intent, one new page: the shared moment first, then the slices of the views that hear it. Nothing else may change
+a page.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
-from app.html.cloud import EventCloud
 from app.html.moment import Moment
+from app.html.pictures import EventCloud
+from app.state import intents as ask
+from app.state.checks import checked, with_word
+from app.state.reduce import reduce_shared
 from app.state.run import Run
 from app.state.view_state import Limits, Slice, ViewState, Workspace
 from app.views.page import Page, RunFrame
@@ -20,6 +27,7 @@ if TYPE_CHECKING:
     import viser
 
     from app.views.panel import Panel
+
 
 EVERYWHERE: frozenset[Workspace] = frozenset({"inspect", "attention", "compare", "recording", "demo"})
 EXPERT: frozenset[Workspace] = EVERYWHERE - {"demo"}
@@ -48,6 +56,15 @@ class Card:
     name: str
     stage: frozenset[Workspace] = NOWHERE
     shelf: frozenset[Workspace] = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Something to do by its name in the list of commands, or by a key."""
+
+    label: str
+    key: str | None
+    intent: Any
 
 
 class Reducer(Protocol):
@@ -94,6 +111,10 @@ def _for_everything(page: Page) -> bool:
     return True
 
 
+def _for_none(catalogue: VisitorCatalogue, recording_id: str) -> bool:
+    return False
+
+
 def _no_cloud(page: Page) -> Callable[[int], EventCloud] | None:
     return None
 
@@ -116,9 +137,20 @@ class View:
     suits: Callable[[Page], bool] = _for_everything
     """Whether its settings are for what is open: elsewhere their tab is left out."""
     cards: tuple[Card, ...] = ()
+    at_foot: bool = False
+    """Whether it stands in a panel of its own below the page, and not in it."""
+    commands: tuple[Command, ...] = ()
+    """What a key, or the list of commands, asks of it."""
+    opens_for: Callable[[VisitorCatalogue, str], bool] = _for_none
+    """Whether its tab opens with a recording of this id that a visitor has handed over."""
     is_public: bool = False
     """Whether it is part of a page in public, where a visitor may change it."""
+    in_public: Slice | None = None
+    """How its slice begins there; `None`: as elsewhere."""
     reduce: Reducer = _unchanged
+    """Is asked for the intents of its own `state.py`, for what sets a field of its slice, and for `intents`."""
+    intents: tuple[type, ...] = ()
+    """What it hears beside its own: intents of the page, and of what lies below the views."""
     hear: Callable[[str], Any] = _nothing_heard
     """A click on HTML of its own, `data-k="name:words"` → an intent; `None` for words that it does not use."""
     jobs: Callable[[ViewState, FrameRequest], Mapping[str, Job]] = _no_jobs
@@ -132,15 +164,20 @@ class View:
     run_jobs: Callable[[ViewState, Moment, Sequence[RunFrame], NumSeen], Mapping[str, Job]] = _no_run_jobs
     """What it wants computed of these runs."""
     over_timeline: Callable[[Page], str] = _nothing_over
-    """SVG that it draws over the timeline."""
+    """SVG that it draws over the timeline; asked where its slice is not as it began, or it has an answer."""
     perform: Callable[[Any, VisitorCatalogue], None] = _nothing_done
     """What an intent does beyond the page: to a source, to a file of the host's. Asked before `reduce`; never waits."""
     cloud: Callable[[Page], Callable[[int], EventCloud] | None] = _no_cloud
-    """The events of the scene in colours of its own, for a number of points at most."""
+    """The events of the scene in colours of its own, for a number of points at most; asked as `over_timeline` is."""
 
     def of(self, state: ViewState) -> Any:
         """Its slice of a page's state."""
         return state.of(type(self.initial))
+
+    def hears(self, intent: Any) -> bool:
+        """Whether an intent may say something to its slice."""
+        kind = type(intent)
+        return kind in self.intents or kind.__module__ == type(self.initial).__module__
 
 
 def tabs(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
@@ -159,6 +196,15 @@ def touched_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
 def changing_views(state: ViewState, views: Sequence[View]) -> tuple[View, ...]:
     """The touched views that change requests for frames: what they mark on the timeline is seen in every workspace."""
     return tuple(view for view in touched_views(state, views) if view.change_request is not _as_asked)
+
+
+def speaking_views(state: ViewState, views: Sequence[View], results: Mapping[str, object]) -> tuple[View, ...]:
+    """The open views that may have something to add to the timeline or the scene: touched, or with an answer.
+
+    The slot of a view's answer begins with the view's name and a full stop.
+    """
+    owners = {slot.partition(".")[0] for slot in results} | {slice_.view for slice_ in state.slices}
+    return tuple(view for view in open_views(state, views) if view.name in owners) if owners else ()
 
 
 def open_tab(state: ViewState, views: Sequence[View]) -> View | None:
@@ -195,3 +241,30 @@ def areas(state: ViewState, views: Sequence[View]) -> dict[str, Area]:
     places: dict[str, Area] = dict(zip(stage, stage_areas, strict=False))
     places.update(zip(shelf, shelf_areas, strict=False))
     return places
+
+
+def reduce_views(state: ViewState, intent: Any, limits: Limits, views: Sequence[View]) -> ViewState:
+    """The page after `intent`. Each view sees the page as it was before."""
+    here = Here(state, limits)
+    changed = []
+    for view in views:
+        is_set = isinstance(intent, ask.Set) and intent.view == view.name
+        if not is_set and not view.hears(intent):
+            continue
+        before = view.of(state)
+        # What was set goes through the view's own reducer, too: fields may depend on each other.
+        after = view.reduce(_set(before, intent) if is_set else before, intent, here)
+        if after is not before:
+            changed.append(after)
+    shared = reduce_shared(state, intent, limits)
+    return shared.put(*changed) if changed else shared
+
+
+def _set(slice_: Any, intent: ask.Set) -> Any:
+    """A page may send anything; what does not fit changes nothing."""
+    try:
+        if intent.is_word:
+            return with_word(slice_, intent.field, str(intent.value))
+        return replace(slice_, **{intent.field: checked(type(slice_), intent.field, intent.value)})
+    except ValueError:
+        return slice_

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from app.web.rate import Rate
+from app.web.guarded_connection import Rate
 from etnet.plain_values import bounded_json
 
 LONGEST_GREETING = 4096

@@ -21,10 +21,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from app.web.access import AccessControl, Handler, answer
-from app.web.guarded_connection import GuardedConnection
+from app.web.guarded_connection import GuardedConnection, Rate
 from app.web.messages import MessageError, fate_of, read_message
 from app.web.peer import note_peer
-from app.web.rate import Rate
 
 LARGEST_MESSAGE = 300_000
 """Bytes of one message of a page: a little more than the largest that ours sends, a chunk of a file. A connection

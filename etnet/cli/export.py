@@ -17,6 +17,7 @@ from etnet.cli.progress import console, progress_callback
 from etnet.cli.recording import Opening, chosen_windows, open_with_progress
 from etnet.errors import EtnetError, WindowError
 from etnet.events.recording import Recording
+from etnet.files import in_megabytes
 from etnet.windows import Window
 
 if TYPE_CHECKING:
@@ -311,7 +312,7 @@ def _write_page(config: Page, take: Take, policy: Policy, progress: Progress) ->
         gamma=config.gamma if config.gamma is not None else card_gamma(take.playback.model),
     )
     size = write_page(take, policy, config.out, page, others, progress)
-    return f"{len(take)} windows, {size / 1e6:.1f} MB; open it in a browser"
+    return f"{len(take)} windows, {in_megabytes(size)}; open it in a browser"
 
 
 def _write_session(config: SessionFile, take: Take, policy: Policy, progress: Progress) -> str:

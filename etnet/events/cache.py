@@ -13,6 +13,7 @@ from jaxtyping import Float32, Int8, Int64, Shaped, UInt16
 
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
+from etnet.files import in_megabytes
 from etnet.private_folder import PrivateFolder
 
 MEMORY_CAP = 256 << 20
@@ -50,8 +51,8 @@ class Scratch:
         free = shutil.disk_usage(folder).free
         if free < num_bytes + _SPARE_DISK:
             raise RecordingError(
-                f"{self._name}: decoded it needs {num_bytes >> 20} MB more in {folder.parent}, where "
-                f"{free >> 20} MB are free; make room there or point TMPDIR to a larger disk"
+                f"{self._name}: decoded it needs {in_megabytes(num_bytes)} more in {folder.parent}, where "
+                f"{in_megabytes(free)} are free; make room there or point TMPDIR to a larger disk"
             )
         return folder / file
 

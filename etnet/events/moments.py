@@ -18,6 +18,7 @@ from etnet.errors import RecordingError
 from etnet.events.formats.columns import from_nanoseconds
 from etnet.events.recording import GroundTruth, Recording, Span
 from etnet.events.triggers import Triggers
+from etnet.files import in_megabytes
 
 _LARGEST_TABLE = 256 << 20
 _PER_NANOSECOND = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9}
@@ -90,7 +91,7 @@ def read_moments(path: Path, span: Span, unit: str | None = None) -> Moments:
             raise RecordingError(f"{path.name}: no pictures are named by their nanoseconds in it, as Kalibr wants them")
         return _ascending(np.array([_whole(name, path) for name in names], np.int64), f"{len(names)} pictures' names")
     if path.stat().st_size > _LARGEST_TABLE:
-        raise RecordingError(f"{path.name}: {path.stat().st_size >> 20} MB are no table of stamps")
+        raise RecordingError(f"{path.name}: {in_megabytes(path.stat().st_size)} are no table of stamps")
     values, named = _column(path)
     unit = unit or named
     if unit is None:

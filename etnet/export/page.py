@@ -15,7 +15,7 @@ from etnet.bundled import export_page_folder, tokens_file
 from etnet.errors import EtnetError
 from etnet.export.page_content import Content, PageConfig, gather
 from etnet.export.take import IsCancelled, Progress, Take
-from etnet.files import write_atomically
+from etnet.files import in_megabytes, write_atomically
 from etnet.nets.base import Reconstructor
 from etnet.windows import Policy
 
@@ -44,7 +44,7 @@ def write_page(
     page = render_page(gather(take, policy, config, other_models, progress, is_cancelled)).encode()
     if len(page) > config.budget_bytes:
         raise EtnetError(
-            f"{path.name}: comes to {len(page) / 1e6:.1f} MB, allowed are {config.budget_bytes / 1e6:.1f}; "
+            f"{path.name}: comes to {in_megabytes(len(page))}, allowed are {in_megabytes(config.budget_bytes)}; "
             "take a shorter --range or allow more --megabytes"
         )
     write_atomically(path, page)

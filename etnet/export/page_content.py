@@ -16,6 +16,7 @@ from etnet.export.images import to_uint8
 from etnet.export.page_attention import AttentionSheets, query_pixels
 from etnet.export.table import window_numbers
 from etnet.export.take import IsCancelled, Moment, Progress, Take
+from etnet.files import in_megabytes
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.base import Reconstructor
 from etnet.playback.playback import Playback
@@ -56,7 +57,7 @@ class PageConfig:
         if not (1 <= self.query_grid[0] <= 16 and 1 <= self.query_grid[1] <= 16):
             raise EtnetError(f"the grid of query pixels is {self.query_grid}; it takes 1 … 16 columns and rows")
         if self.budget_bytes < 1_000_000:
-            raise EtnetError(f"a page of {self.budget_bytes / 1e6:g} MB is too small; allow at least 1 MB")
+            raise EtnetError(f"a page of {in_megabytes(self.budget_bytes)} is too small; allow at least 1 MB")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +127,9 @@ def _packed(
     left = room - pictures
     if left < 4 * FEWEST_EVENTS * len(take):
         raise EtnetError(
-            f"{take.recording.name}: the pictures of {len(take)} windows alone take {pictures * _ENCODED / 1e6:.1f} MB "
-            f"of {config.budget_bytes / 1e6:.1f}; take a shorter --range or allow more --megabytes"
+            f"{take.recording.name}: the pictures of {len(take)} windows alone take "
+            f"{in_megabytes(round(pictures * _ENCODED))} of {in_megabytes(config.budget_bytes)}; "
+            "take a shorter --range or allow more --megabytes"
         )
     attention, about_attention = sheets.encoded(left * ATTENTION_SHARE)
     each = max((left - sum(map(len, attention))) // (4 * len(take)), FEWEST_EVENTS)

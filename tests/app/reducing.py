@@ -3,7 +3,7 @@
 from app.state.link import from_link as from_link_of
 from app.state.stored import from_text as from_text_of
 from app.views import VIEWS
-from app.views.reduce import reduce_views
+from app.views.view import reduce_views
 
 INITIAL = [view.initial for view in VIEWS]
 

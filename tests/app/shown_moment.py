@@ -6,7 +6,7 @@ import pytest
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
 from app.html.moment import ARRAYS, PICTURES, Moment
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from etnet.events.events import Sensor
 from etnet.events.recording import GroundTruth, recording_of_events
 from etnet.nets.attention import AttentionProbe

@@ -9,6 +9,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 import numpy as np
@@ -23,6 +24,7 @@ from app.catalogue.recordings import CatalogueError
 from app.catalogue.uploads import Uploads
 from app.catalogue.videos import Videos
 from app.catalogue.visitor import VisitorCatalogue
+from app.engine.denoised import CleanedRecordings
 from app.engine.requests import EngineStatus, Failed, Ready, Working
 from app.session.booth import Booth
 from app.session.session import Session
@@ -117,6 +119,7 @@ class InstantEngine:
         self.jobs = []
         self.is_held = False
         self.has_frames_at_hand = False
+        self.cleaned = CleanedRecordings()
         self.failure = ""
 
     def request(self, visitor, request, deliver):
@@ -177,8 +180,9 @@ def served(view=lambda default: default, most_visitors=None, limits=None, views=
     def visit(client):
         own_files = None if uploads is None else uploads.desk()
         seen = VisitorCatalogue(shelf, own_files)
-        booth = None if presentation is None else Booth(seat=presentation.join(False, seen.entry))
-        sessions[client.client_id] = Session(client, seen, engine, default, own_files, views, booth=booth)
+        mail = SimpleQueue()
+        booth = None if presentation is None else Booth(seat=presentation.join(False, seen.entry, mail.put))
+        sessions[client.client_id] = Session(client, seen, engine, default, own_files, views, booth=booth, mail=mail)
         return sessions[client.client_id]
 
     doors = {} if uploads is None else {PATH: UploadEndpoint(uploads)}

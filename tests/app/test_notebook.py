@@ -46,6 +46,30 @@ def test_a_notebook_gets_the_page_and_the_arrays_of_what_it_shows():
         assert shown.frame.shape == shown.camera.shape == (ROI[3], ROI[2])
 
 
+def test_a_function_of_a_notebook_is_a_tab_of_its_page():
+    def busy_pixels(moment):
+        return f"{len(moment.events)} events in window {moment.window.index}"
+
+    shown_in = app.view(samples()[0], views=[busy_pixels], precision="fp32", threads=1, budget=64)
+
+    async def look():
+        async with Browser.open(int(shown_in.url.rsplit(":", 1)[1]), tab=1) as browser:
+            await browser.until_shown('data-k="tab:own-busy-pixels"', 60)
+            await browser.use(browser.widget("channel"), "pick|tab:own-busy-pixels|0.5|0.5|1")
+            await browser.until_shown("events in window 0", 60)
+            await browser.use(browser.widget("Window"), 2)
+            await browser.until_shown("events in window 2", 60)
+            return browser.words()
+
+    try:
+        words = asyncio.run(look())
+    finally:
+        shown_in.stop()
+    with open_recording(samples()[0]) as recording:
+        window = plan_windows(recording, BetweenFrames())[2]
+    assert f"{window.num_events} events in window 2" in words
+
+
 def test_a_recording_without_a_file_is_told_what_to_do():
     recording = recording_of_events(Events.empty(Sensor(8, 8)), "in memory")
     with pytest.raises(EtnetError, match="write it"):

@@ -50,11 +50,45 @@ def test_no_module_depends_on_itself_by_others():
     TopologicalSorter(imports).prepare()  # raises CycleError with the circle
 
 
-def test_every_view_is_under_the_contract_of_views():
+def test_every_module_stands_in_a_layer():
     contract = ConfigParser()
     contract.read(ROOT / ".importlinter")
-    listed = set(contract["importlinter:contract:views"]["source_modules"].split())
-    assert listed == {f"app.views.{path.parent.name}" for path in (ROOT / "app" / "views").glob("*/__init__.py")}
+    layers = {name for name in contract["importlinter:contract:layers"]["layers"].split() if name != ":"}
+    roots = {"etnet", "app", "etnet.__main__", "app.__main__"}
+    graph = grimp.build_graph("etnet", "app", cache_dir=None)
+    for module in graph.modules - roots:
+        assert any(module == layer or module.startswith(f"{layer}.") for layer in layers), f"{module} is in no layer"
+
+
+TAKES_HOME = ("app.views.demo.jobs", "app.views.export.jobs")
+"""The page that a visitor of the demo takes home is an export."""
+
+
+def test_a_view_knows_of_another_one_its_state_at_most():
+    graph = grimp.build_graph("etnet", "app", cache_dir=None)
+    views = {f"app.views.{path.parent.name}" for path in (ROOT / "app" / "views").glob("*/__init__.py")}
+    assert len(views) > 12
+    owner = {name: view for view in views for name in graph.find_descendants(view) | {view}}
+    across = [
+        (importer, imported)
+        for importer, view in owner.items()
+        for imported in graph.find_modules_directly_imported_by(importer)
+        if owner.get(imported, view) != view
+    ]
+    assert across
+    assert {edge for edge in across if edge[1] != f"{owner[edge[1]]}.state"} == {TAKES_HOME}
+
+
+def test_the_session_names_no_view_but_the_demo_that_it_leads():
+    graph = grimp.build_graph("etnet", "app", cache_dir=None)
+    contract = {"app.views", "app.views.view", "app.views.page", "app.views.panel"}
+    imported = {
+        name
+        for module in graph.find_descendants("app.session") | {"app.web", "app.state", "app.engine"}
+        for name in graph.find_modules_directly_imported_by(module)
+        if name.startswith("app.views")
+    }
+    assert imported - contract == {"app.views.demo.state"}
 
 
 @pytest.mark.parametrize("package", ["etnet", "app"])

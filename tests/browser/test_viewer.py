@@ -155,7 +155,7 @@ def test_a_click_on_the_plane_in_the_scene_asks_too(page):
 
 
 def test_an_error_is_shown_and_the_page_goes_on(page, viewer, monkeypatch):
-    from app.engine.recent_frames import RecentFrames
+    from app.engine.published import RecentFrames
     from etnet.errors import WindowError
 
     def refuse(turn):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from app.html.tones import Tones
+from app.html.pictures import Tones
 
 Gather = Literal["mean", "max", "min"]
 Order = Literal["network", "effect", "entropy", "distance"]

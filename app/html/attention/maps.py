@@ -13,8 +13,7 @@ from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook, Direction, Gather
 from app.html.elements import ON_PICK, empty, escape, legend, marker, panel, picture
 from app.html.moment import ARRAYS, PICTURES
-from app.html.pictures import reconstruction_image
-from app.html.tones import Tones
+from app.html.pictures import Tones, reconstruction_image
 from app.html.units import count, fraction, resolution
 from etnet.render.attention import (
     HIGHEST,

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from app.engine.requests import FrameRequest, Ready
-from app.html.card import icon_button
-from app.html.elements import escape
+from app.html.elements import escape, icon_button
 from app.html.moment import Moment
 
 if TYPE_CHECKING:

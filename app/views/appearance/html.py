@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from app.catalogue.recording_id import listed_id
 from app.html.attention.changed import change_words, since_words
-from app.html.card import icon_button, segmented
-from app.html.elements import ON_PICK, escape
-from app.html.icons import icon
+from app.html.elements import ON_PICK, escape, icon, icon_button, segmented
 from app.html.provenance import all_facts_html, provenance_html
 from app.state.view_state import Workspace
-from app.views.events.html import style_html
-from app.views.inspect.state import InspectState
+from app.views.events.state import EventsState
+from app.views.inspect.state import NO_CHANGE, InspectState
 from app.views.page import Page
-from app.views.reconstruction.html import tone_html
+from app.views.reconstruction.state import ReconstructionState
+from etnet.render.events import EventStyle
+from etnet.render.tone import Tone
 
 WORKSPACES: dict[Workspace, str] = {
     "inspect": "Inspect",
@@ -22,6 +22,21 @@ WORKSPACES: dict[Workspace, str] = {
     "demo": "Demo",
 }
 """In the order of the keys 1 … 5."""
+TONES: dict[Tone, str] = {
+    "auto": "default",
+    "raw": "linear",
+    "robust": "1–99 %",
+    "gamma": "gamma 2.2",
+    "hdr": "auto HDR",
+    "clahe": "CLAHE",
+}
+"""Tone mapping: of the network by default, or as a visitor chooses."""
+STYLES: dict[EventStyle, str] = {
+    "polarity": "polarity",
+    "count": "count",
+    "time surface": "time surface",
+    "decay": "decay",
+}
 _BRAND = '<span class="etv-brand"><img src="/static/icon.svg" alt="" width="24" height="24">ET-Net</span>'
 _COPY = (
     '<button class="etv-icon" data-etv-copy title="Copy a link to this moment (C)" aria-label="Copy link">{}</button>'
@@ -67,7 +82,7 @@ def change_chip(page: Page) -> str:
     """What is changed on purpose, by name and since which window; a click shows it. Nothing while nothing is."""
     inspected = page.state.of(InspectState)
     change = inspected.change
-    if change.is_nothing:
+    if change is NO_CHANGE or change.is_nothing:
         return ""
     words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
     if inspected.shows_original:
@@ -101,3 +116,16 @@ def display_html(page: Page) -> str:
     rows = (("Tone mapping", tone_html(page)), ("Event image", style_html(page)))
     body = "".join(f'<div class="etv-row"><label>{label}</label>{content}</div>' for label, content in rows)
     return f'<div class="et etv-settings" data-testid="display">{body}</div>'
+
+
+def tone_html(page: Page) -> str:
+    """The choice of tone mapping."""
+    options = {f"set:reconstruction.tone:{name}": words for name, words in TONES.items()}
+    chosen = f"set:reconstruction.tone:{page.state.of(ReconstructionState).tone}"
+    return segmented("Tone mapping", options, chosen)
+
+
+def style_html(page: Page) -> str:
+    """The choice of event image."""
+    options = {f"set:events.event_image:{name}": words for name, words in STYLES.items()}
+    return segmented("Event image", options, f"set:events.event_image:{page.state.of(EventsState).event_image}")

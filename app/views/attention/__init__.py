@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from app.state import intents as ask
 from app.views.attention.state import AttentionState, hear, reduce_attention
 from app.views.view import Card, View
 
@@ -45,7 +46,9 @@ VIEW = View(
         Card("attention.time", shelf=frozenset({"attention"})),
     ),
     is_public=True,
+    in_public=AttentionState(map_range="per map"),
     reduce=reduce_attention,
+    intents=(ask.OpenRecording, ask.ReopenRecording),
     hear=hear,
     jobs=_jobs,
 )

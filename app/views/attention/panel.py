@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from app.html.card import card
+from app.html.elements import card
 from app.state import intents as ask
 from app.views.attention.html.atlas import atlas_html
 from app.views.attention.html.shelf import heads_html, time_html

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.state import intents as ask
 from app.views.compare.jobs.runs import run_jobs
 from app.views.compare.over_timeline import over_timeline
 from app.views.compare.state import CompareState, compared_runs, hear, reduce_compare
@@ -30,6 +31,7 @@ VIEW = View(
     workspaces=frozenset({"compare"}),
     settings_in=frozenset({"compare"}),
     reduce=reduce_compare,
+    intents=(ask.OpenRecording, ask.ReopenRecording, ask.Settle),
     hear=hear,
     runs=compared_runs,
     run_jobs=run_jobs,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from app.html.card import card
-from app.html.elements import empty
+from app.html.elements import card, empty
 from app.html.moment import Moment
 from app.html.units import seconds
 from app.state import intents as ask

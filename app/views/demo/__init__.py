@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.engine.downloads import Downloaded
+from app.state import intents as ask
 from app.views.demo.jobs import home_jobs
 from app.views.demo.state import DemoState, hear, reduce_demo
 from app.views.view import View
@@ -29,6 +31,7 @@ VIEW = View(
     workspaces=frozenset({"demo"}),
     is_public=True,
     reduce=reduce_demo,
+    intents=(ask.Query, ask.QueryFraction, ask.OpenRecording, Downloaded),
     hear=hear,
     background_jobs=home_jobs,
 )

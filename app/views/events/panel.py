@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from app.html.card import card
-from app.html.elements import empty, panel
+from app.html.elements import card, empty, panel
 from app.html.moment import newest_of
 from app.html.pictures import event_image_html
 from app.html.units import count, milliseconds

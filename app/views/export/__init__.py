@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.engine.downloads import Downloaded
 from app.views.export.jobs import export_jobs
 from app.views.export.state import ExportState, reduce_export
 from app.views.view import EXPERT, View
@@ -28,5 +29,6 @@ VIEW = View(
     _panel,
     settings_in=EXPERT,
     reduce=reduce_export,
+    intents=(Downloaded,),
     background_jobs=export_jobs,
 )

@@ -39,7 +39,7 @@ def command_line_of(page: Page) -> CommandLine | None:
     if page.video is not None or not page.file_name:
         return None
     ready, state = page.ready, page.state
-    if ready is None or ready.request.playback[1:3] != (state.model_id, state.precision):
+    if ready is None or ready.request.playback.network != (state.model_id, state.precision):
         return CommandLine(page.file_name, page.model.source, state.precision)
     return CommandLine(page.file_name, page.model.source, ready.contract.runtime.precision, ready.contract.device)
 

@@ -207,7 +207,7 @@ def _take_of(order: Order, loaded: LoadedPlayback, desk: Desk) -> Take:
     for run in wanted.runs[1:]:
         assert loaded.beside is not None
         other = loaded.beside(run.request.plain)
-        is_same_plan = run.request.playback[3:] == request.playback[3:]
+        is_same_plan = run.request.playback.cut == request.playback.cut
         beside.append(Beside(cast("Playback", Relay(desk, other)), is_same_plan))
     offset = 0 if order.view is None or not wanted.runs else order.view.of(CompareState).offset
     return Take(cast("Playback", relay), first, last + 1, tuple(beside), offset)

@@ -9,6 +9,7 @@ import viser
 
 from app.engine.downloads import plain_name
 from app.html.choices import SPEEDS
+from app.html.elements import bar
 from app.state.intents import FormChanged
 from app.state.view_state import Limits
 from app.views.compare.state import NAMES
@@ -171,11 +172,9 @@ def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:
         return '<div class="et"><div class="et-note">Open a recording first.</div></div>'
     if is_made:
         share = 0.0 if result is None else result.share
-        waits = " et-bar-wait" if result is None else ""
         return (
             '<div class="et" data-testid="taking"><div class="et-lag">'
-            f'<span>being made, {share:.0%}</span><div class="et-bar{waits}"><i style="width:{share:.0%}"></i></div>'
-            "</div></div>"
+            f"<span>being made, {share:.0%}</span>{bar(share, waits=result is None)}</div></div>"
         )
     if page.state.of(ExportState).order is not None and result is not None:
         trouble = f'<div class="et-failed" role="alert" data-testid="taking">{escape(result.trouble)}</div>'

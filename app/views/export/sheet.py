@@ -10,11 +10,9 @@ from jaxtyping import UInt8
 from app.engine.requests import Ready
 from app.html.attention.maps import AttentionLook, Site, head_words, map_ends, over_frame, row_of
 from app.html.moment import NUM_BINS, Moment
-from app.html.pictures import camera_image, event_picture, reconstruction_image
-from app.html.tones import Tones
-from app.html.units import count, resolution, short
+from app.html.pictures import Tones, camera_image, event_picture, reconstruction_image
+from app.html.units import bin_words, count, resolution, short
 from app.views.export.state import Sheet
-from app.views.voxels.html import bin_words
 from etnet.errors import EtnetError
 from etnet.render.board import Row, Scale, Section, Tile, board
 from etnet.render.colours import diverging, sequential

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from app.html.card import segmented
-from app.html.elements import escape
+from app.html.elements import escape, segmented
 from app.html.units import count, of_whole
 from app.views.page import Page
 from etnet.events.cleaning import Cleaning

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from app.state import intents as ask
 from app.views.inspect.state import InspectState, changed_request, hear, reduce_inspect
 from app.views.view import View
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
     from app.engine.jobs import Job
     from app.engine.requests import FrameRequest
-    from app.html.cloud import EventCloud
+    from app.html.pictures import EventCloud
     from app.state.view_state import ViewState
     from app.views.page import Page
     from app.views.panel import Panel
@@ -51,6 +52,7 @@ VIEW = View(
     _panel,
     settings_in=frozenset({"inspect", "attention"}),
     reduce=reduce_inspect,
+    intents=(ask.OpenRecording, ask.ReopenRecording, ask.ChooseModel, ask.ChoosePolicy),
     hear=hear,
     jobs=_jobs,
     change_request=changed_request,

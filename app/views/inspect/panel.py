@@ -10,9 +10,8 @@ from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import FrameRequest
 from app.html.attention.maps import base_url
-from app.html.card import icon_button
 from app.html.controls import choose_pixel, stale_line, under_way
-from app.html.elements import empty, escape, panel
+from app.html.elements import empty, escape, icon_button, panel
 from app.html.moment import Moment
 from app.views.attention.state import AttentionState, look_of
 from app.views.inspect.html.attribution import traced_html

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from app.html.cloud import EventCloud
 from app.html.moment import ARRAYS
+from app.html.pictures import EventCloud
 from app.views.inspect.results import Traced
 from app.views.page import Page
 from etnet.render.colours import diverge

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from app.engine.jobs import Job
+from app.engine.requests import FrameRequest
+from app.state.view_state import ViewState
+from app.views.own.jobs import step_jobs
 from app.views.own.values import OwnView
 from app.views.view import EXPERT, View
 from etnet.errors import EtnetError
@@ -23,13 +27,16 @@ class OwnViewError(EtnetError):
     """A file of the user's own is no view."""
 
 
-def own_views(sources: Iterable[Path | str | Callable[..., Any] | View]) -> tuple[View, ...]:
-    """The views of files, functions and ready views, in order.
+def own_views(sources: Iterable[Path | str | Callable[..., Any] | View], is_open: bool = False) -> tuple[View, ...]:
+    """The views of files, functions and ready views, in order. `is_open`: others than their user may come in.
 
     Raises:
-        OwnViewError: a file cannot be run, or defines neither `show` nor `VIEW`; two views have one name.
+        OwnViewError: a file cannot be run, or defines neither `show` nor `VIEW`; two views have one name; others come.
     """
     views: list[View] = []
+    sources = list(sources)
+    if sources and is_open:
+        raise OwnViewError("views of your own run your code: they are not for a demo, a public URL or another host")
     for source in sources:
         view = source if isinstance(source, View) else _view_of(source)
         if any(view.name == known.name for known in views):
@@ -42,7 +49,8 @@ def _view_of(source: Path | str | Callable[..., Any]) -> View:
     if callable(source):
         name = getattr(source, "__name__", "view")
         path = getattr(getattr(source, "__code__", None), "co_filename", "")
-        return _short_form(OwnView(_title(name), path, source, dict(getattr(source, "widgets", {}))))
+        widgets, probe = dict(getattr(source, "widgets", {})), bool(getattr(source, "probe", False))
+        return _short_form(OwnView(_title(name), path, source, widgets, probe))
     path = Path(source)
     module = _run(path)
     view = getattr(module, "VIEW", None)
@@ -52,7 +60,8 @@ def _view_of(source: Path | str | Callable[..., Any]) -> View:
     if not callable(show):
         raise OwnViewError(f"{path.name}: defines neither show(moment) nor VIEW; docs/own_view.md has an example")
     title = str(getattr(module, "title", _title(path.stem)))
-    return _short_form(OwnView(title[:40], str(path), show, dict(getattr(module, "widgets", {}))))
+    widgets, probe = dict(getattr(module, "widgets", {})), bool(getattr(module, "probe", False))
+    return _short_form(OwnView(title[:40], str(path), show, widgets, probe))
 
 
 def _run(path: Path) -> Any:
@@ -81,9 +90,12 @@ def _short_form(own: OwnView) -> View:
     def panel(client: viser.ClientHandle) -> Panel:
         from app.views.own.panel import OwnPanel
 
-        return OwnPanel(own)
+        return OwnPanel(name, own)
 
-    return View(name, own.title, "PUZZLE", OwnState(), panel, settings_in=EXPERT)
+    def jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
+        return step_jobs(name, request) if own.probe else {}
+
+    return View(name, own.title, "PUZZLE", OwnState(), panel, settings_in=EXPERT, jobs=jobs)
 
 
 def _title(stem: str) -> str:

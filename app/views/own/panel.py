@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import viser
 
@@ -14,16 +14,21 @@ from app.html.elements import empty, panel
 from app.html.moment import Moment
 from app.state.intents import FormChanged
 from app.views.own.html import error_html, own_html
+from app.views.own.jobs import step_in
 from app.views.own.values import OwnMoment, OwnView
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, on_visitor
+
+if TYPE_CHECKING:
+    from etnet.nets.base import Step
 
 
 class OwnPanel(Panel):
     """Nothing of the page waits for the user's code, and nothing of it ends with an error in there."""
 
-    def __init__(self, own: OwnView) -> None:
-        self._own = own
+    def __init__(self, name: str, own: OwnView) -> None:
+        """`name` is the view's."""
+        self._name, self._own = name, own
         self._lock = threading.Lock()
         self._wanted: tuple[object, Any] | None = None
         self._shown: object = None
@@ -45,11 +50,13 @@ class OwnPanel(Panel):
             return
         values = {name: handle.value for name, handle in self._widgets.items()}
         ready = page.ready if page.ready is not None and page.ready.request.index == page.state.index else None
-        key = (page.moment.key, None if ready is None else ready.key, page.state.query, tuple(values.items()))
+        step = step_in(page.results, self._name, ready)
+        made = None if ready is None else ready.key, step is not None
+        key = (page.moment.key, made, page.state.query, tuple(values.items()))
         moment, query = page.moment, page.state.query
         with self._lock:
             if key != self._shown and (self._wanted is None or self._wanted[0] != key):
-                self._wanted = (key, lambda: self._own.show(_moment_of(moment, ready, query), **values))
+                self._wanted = (key, lambda: self._own.show(moment_of(moment, ready, query, step), **values))
             starts = self._wanted is not None and not self._is_running
             self._is_running |= starts
         if starts:
@@ -93,7 +100,11 @@ def _widget(gui: viser.GuiApi, name: str, first: Any) -> Any:
     return gui.add_text(label, str(first))
 
 
-def _moment_of(moment: Moment, ready: Ready | None, query: tuple[int, int] | None) -> OwnMoment:
+def moment_of(
+    moment: Moment, ready: Ready | None, query: tuple[int, int] | None, step: Step | None = None
+) -> OwnMoment:
+    """What the user's code is given of a window, with what has come of it."""
+    probed = None if step is None else step.attention
     source = moment.recording.ground_truth
     truth = None if source is None or not len(source) else source.read_frame(source.nearest(moment.window.t_stop))
     return OwnMoment(
@@ -105,6 +116,7 @@ def _moment_of(moment: Moment, ready: Ready | None, query: tuple[int, int] | Non
         None if ready is None else ready.frame,
         truth,
         query,
-        None if ready is None else ready.attention,
+        probed if ready is None or ready.attention is None else ready.attention,
         ready is not None and ready.is_exact,
+        step,
     )

@@ -15,6 +15,7 @@ from etnet.windows import Window
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
+    from etnet.nets.base import State, Step
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,9 +35,16 @@ class OwnMoment:
     query: tuple[int, int] | None
     """The chosen pixel (x, y)."""
     attention: Attention | None
-    """Of the chosen pixel's window, where a pixel is chosen and the network has attention."""
+    """Of this window, where the network has attention and a pixel is chosen, or the file says `probe = True`."""
     is_exact: bool
     """Whether `frame` is, bit for bit, that of a run from the first window on."""
+    step: Step | None = None
+    """What the network made of this window: frame, state, attention. Asked for where the file says `probe = True`."""
+
+    @property
+    def state(self) -> State | None:
+        """What the network carries on from this window; it comes with the step."""
+        return None if self.step is None else self.step.state
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,3 +79,5 @@ class OwnView:
     path: str
     show: Callable[..., Any]
     widgets: dict[str, Any]
+    probe: bool = False
+    """Whether it asks for the network's step, with its attention."""

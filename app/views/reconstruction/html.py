@@ -4,30 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.html.card import icon_button, segmented
 from app.html.controls import under_way
-from app.html.elements import empty, panel, picture
+from app.html.elements import empty, icon_button, panel, picture
 from app.html.live import live_badge
 from app.html.moment import PICTURES
-from app.html.pictures import camera_picture, reconstruction_html
-from app.html.reads import ramp_reads
+from app.html.pictures import camera_picture, ramp_reads, reconstruction_html
 from app.html.units import short
 from app.views.page import Page
 from app.views.reconstruction.jobs import SLOT, VarianceJob
 from app.views.reconstruction.state import ReconstructionState, tones_of
 from etnet.render.colours import css_gradient, sequential
 from etnet.render.encode import data_url
-from etnet.render.tone import Tone
-
-TONES: dict[Tone, str] = {
-    "auto": "default",
-    "raw": "linear",
-    "robust": "1–99 %",
-    "gamma": "gamma 2.2",
-    "hdr": "auto HDR",
-    "clahe": "CLAHE",
-}
-"""Tone mapping: of the network by default, or as a visitor chooses."""
 
 
 def reconstruction_of(page: Page, marks_query: bool = True) -> str:
@@ -102,10 +89,3 @@ def variance_html(page: Page) -> str:
     scale = f'<i style="background:{css_gradient(sequential())}"></i><b>{short(top)}</b>'
     note = f'<div class="et-chips"><span class="et-scale">variance<b>0</b>{scale}</span></div>'
     return panel("variance", f'<div class="{lags}">{image}</div>', note)
-
-
-def tone_html(page: Page) -> str:
-    """The choice of tone mapping."""
-    options = {f"set:reconstruction.tone:{name}": words for name, words in TONES.items()}
-    chosen = f"set:reconstruction.tone:{page.state.of(ReconstructionState).tone}"
-    return segmented("Tone mapping", options, chosen)

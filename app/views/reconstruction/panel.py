@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from app.html.card import card
+from app.html.elements import card
 from app.html.pictures import camera_frame_html
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.state.view_state import ViewState
 from etnet.render.tone import Tone
 

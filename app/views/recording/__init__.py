@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.engine.downloads import Downloaded
+from app.state import intents as ask
 from app.views.recording.jobs.cut import trim_jobs
 from app.views.recording.jobs.recording import recording_jobs
 from app.views.recording.state import RecordingState, hear, reduce_recording
@@ -31,6 +33,7 @@ VIEW = View(
     settings_in=frozenset({"recording", "inspect"}),
     cards=(Card("recording", stage=frozenset({"recording"})),),
     reduce=reduce_recording,
+    intents=(ask.ShowWorkspace, ask.MarkHere, ask.PutMark, ask.ClearMarks, Downloaded),
     hear=hear,
     jobs=recording_jobs,
     background_jobs=trim_jobs,

@@ -7,7 +7,7 @@ from typing import Literal
 
 import viser
 
-from app.catalogue.recording_id import listed_id, stated_id, stated_in
+from app.catalogue.recording_id import RecordingId, listed_id, stated_id
 from app.html.elements import escape
 from app.state import intents as ask
 from app.views.page import Page
@@ -69,7 +69,7 @@ class Statement:
             return
         self._recording_id = page.stated_id
         try:
-            stated = stated_in(self._recording_id)
+            stated = RecordingId.of(self._recording_id).stated
         except EtnetError:
             stated = NOTHING_ASSUMED
         assign(self._sensor, "" if stated.sensor is None else f"{stated.width}×{stated.height}")

@@ -10,9 +10,9 @@ import viser
 from app.catalogue.recording_id import listed_id
 from app.engine.jobs import JobResult
 from app.engine.requests import Precision
-from app.html.card import card
 from app.html.choices import DEFAULTS, KINDS, PRECISIONS, STEPS, offered, policy_of, words_of
 from app.html.controls import button
+from app.html.elements import card
 from app.html.uploads import handing_html
 from app.state import intents as ask
 from app.views.compare.state import CompareState

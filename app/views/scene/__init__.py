@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.views.scene.state import SceneState, hear, reduce_scene
-from app.views.view import Card, View
+from app.state import intents as ask
+from app.views.scene.state import ChooseCamera, SceneState, hear, reduce_scene
+from app.views.view import Card, Command, View
 
 if TYPE_CHECKING:
     import viser
@@ -27,7 +28,14 @@ VIEW = View(
     _panel,
     workspaces=frozenset({"inspect", "recording", "demo"}),
     cards=(Card("scene", frozenset({"demo"}), frozenset({"inspect", "recording"})),),
+    commands=(
+        Command("Camera: perspective", None, ChooseCamera("orbit")),
+        Command("Camera: front", "F", ChooseCamera("front")),
+        Command("Camera: side", None, ChooseCamera("side")),
+    ),
     is_public=True,
+    in_public=SceneState(camera="booth"),
     reduce=reduce_scene,
+    intents=(ask.ShowWorkspace,),
     hear=hear,
 )

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from jaxtyping import Float32
 
-from app.html.cloud import EventCloud
+from app.html.pictures import EventCloud
 from app.views.scene.space import DEPTH, Space, box_corners
 from etnet.render.timeline import nice_step
 

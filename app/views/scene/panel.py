@@ -6,9 +6,8 @@ import viser
 
 from app.html.attention.links import LINK_COLOURS, link_words, links_of
 from app.html.attention.maps import Site
-from app.html.card import card, icon_button
-from app.html.cloud import EventCloud
-from app.html.elements import swatch
+from app.html.elements import card, icon_button, swatch
+from app.html.pictures import EventCloud
 from app.html.units import resolution
 from app.views.attention.state import AttentionState
 from app.views.demo.state import opens_cloud

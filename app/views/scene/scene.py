@@ -12,18 +12,15 @@ from jaxtyping import UInt8
 
 from app.html.attention.links import links_of
 from app.html.attention.maps import attention_image, site_in
-from app.html.cloud import EventCloud, event_cloud
 from app.html.moment import Moment
-from app.html.pictures import event_picture, reconstruction_image
+from app.html.pictures import EventCloud, event_cloud, event_picture, reconstruction_image
 from app.views.attention.state import AttentionState, look_of
 from app.views.demo.state import DemoState
 from app.views.events.state import EventsState
 from app.views.page import Page
 from app.views.reconstruction.state import tones_of
 from app.views.scene.event_cloud import POINTS_AT_REST, POINTS_IN_MOTION, CloudNode
-from app.views.scene.frame_plane import FramePlane
-from app.views.scene.links import LinksNode
-from app.views.scene.map_planes import MapPlanes
+from app.views.scene.nodes import FramePlane, LinksNode, MapPlanes
 from app.views.scene.space import Space, camera_place
 from app.views.scene.state import Camera, SceneState
 
@@ -58,8 +55,11 @@ class SceneView:
             if cloud is not None:
                 self._cloud.show(space, cloud, has_scale=state.workspace != "demo")
             self._plane.show(space, key, picture, page.is_moving)
-            self._maps.show(space, *_maps(page, behind))
-            self._links.show(space, state.query, links_of(page.ready, state.query) if attention.shows_links else ())
+            if behind or self._maps.is_shown:
+                self._maps.show(space, *_maps(page, behind))
+            if attention.shows_links or self._links.is_shown:
+                links = links_of(page.ready, state.query) if attention.shows_links else ()
+                self._links.show(space, state.query, links)
         self._place(space, page)
         return cloud
 
@@ -116,8 +116,9 @@ def picture_of(page: Page, is_phone: bool) -> tuple[object, UInt8[np.ndarray, "h
         return ("events", page.moment.key, style), image.colours
     if ready is None or state.of(DemoState).guess == "asked":
         return None, None
-    lags, look, tones = page.lags, look_of(page), tones_of(page)
-    if (shows_act or state.workspace == "attention") and look is not None and ready.attention is not None:
+    lags, tones = page.lags, tones_of(page)
+    look = look_of(page) if shows_act or state.workspace == "attention" else None
+    if look is not None and ready.attention is not None:
         site = state.of(AttentionState).site
         site = site_in(ready.attention, site) if ready.attention.sites else site
         image = attention_image(ready, look, site)

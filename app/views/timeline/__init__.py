@@ -26,6 +26,7 @@ VIEW = View(
     TimelineState(),
     _panel,
     workspaces=EXPERT,
+    at_foot=True,
     is_public=True,
     hear=hear,
 )

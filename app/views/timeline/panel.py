@@ -7,16 +7,15 @@ import viser
 from app.html.elements import escape
 from app.html.live import live_line
 from app.html.moment import PICTURES
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.html.units import count, seconds
 from app.state import intents as ask
 from app.views.compare.state import CompareState
-from app.views.inspect.state import InspectState
+from app.views.inspect.state import NO_CHANGE, InspectState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
 from app.views.reconstruction.state import tones_in
-from app.views.timeline.html import timeline_html
-from app.views.timeline.transport import legend_html, marks_html, now_html, speed_html, transport_html
+from app.views.timeline.html import legend_html, marks_html, now_html, speed_html, timeline_html, transport_html
 from etnet.render.encode import data_url
 from etnet.render.tone import tone_map
 
@@ -86,7 +85,7 @@ def approximate_windows(page: Page) -> range:
 def changed_windows(page: Page) -> range:
     """The windows in which something is changed on purpose."""
     change = page.state.of(InspectState).change
-    if change.is_nothing or page.moment is None:
+    if change is NO_CHANGE or change.is_nothing or page.moment is None:
         return range(0)
     if change.since is None:
         return range(page.state.index, page.state.index + 1)

@@ -12,6 +12,7 @@ from app.views.view import View
 if TYPE_CHECKING:
     import viser
 
+    from app.catalogue.visitor import VisitorCatalogue
     from app.views.panel import Panel
 
 
@@ -25,6 +26,10 @@ def _is_video(page: Page) -> bool:
     return page.video is not None
 
 
+def _is_film(catalogue: VisitorCatalogue, recording_id: str) -> bool:
+    return catalogue.is_film(recording_id)
+
+
 VIEW = View(
     "video",
     "Video",
@@ -33,5 +38,6 @@ VIEW = View(
     _panel,
     settings_in=frozenset({"inspect", "recording"}),
     suits=_is_video,
+    opens_for=_is_film,
     run_jobs=film_jobs,
 )

@@ -6,9 +6,8 @@ import numpy as np
 
 from app.catalogue.videos import BANDWIDTHS, SIDES, FilmSetting, VideoShown, film_id
 from app.engine.jobs import JobResult
-from app.html.card import segmented
 from app.html.controls import under_way
-from app.html.elements import ON_PICK, empty, panel
+from app.html.elements import ON_PICK, bar, empty, panel, segmented
 from app.html.moment import Moment
 from app.html.uploads import public_handing_html
 from app.views.page import Page
@@ -64,8 +63,7 @@ def film_html(film: VideoShown) -> str:
         f"{film.done:.1f} of {film.total:.1f} s of the video are there. {_work(film)}: "
         f"the last {behind:.1f} s take about {behind * film.work:.0f} s more."
     )
-    bar = f'<div class="et-bar"><i style="width:{share:.0%}"></i></div>'
-    return panel("film", f'<div class="et-lag"><span>{said}</span>{bar}</div>')
+    return panel("film", f'<div class="et-lag"><span>{said}</span>{bar(share)}</div>')
 
 
 def strip_html(page: Page) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from app.html.elements import empty, escape, legend, panel, picture
 from app.html.moment import NUM_BINS, PICTURES, Moment
-from app.html.units import short
+from app.html.units import bin_words, short
 from etnet.render.colours import css_gradient, diverging
 from etnet.render.encode import Indexed, data_url
 from etnet.render.voxels import voxel_levels, voxel_limit
@@ -18,13 +18,6 @@ def voxel_html(moment: Moment, opened: int | None = None) -> str:
     """Five bins in a row, or one of them large. Clicks send `bin:0` … `bin:4`, or `bin:` to go back."""
     opened = None if opened is None else min(max(opened, 0), NUM_BINS - 1)
     return PICTURES.text(("voxel", moment.key, opened), lambda: _voxel_html(moment, opened))
-
-
-def bin_words(index: int) -> str:
-    """Around which part of the window's time a bin gathers: a bin's votes peak at index / (bins − 1)."""
-    half = 50 / (NUM_BINS - 1)
-    middle = 100 * index / (NUM_BINS - 1)
-    return f"{max(middle - half, 0):.0f}–{min(middle + half, 100):.0f} %"
 
 
 def _voxel_html(moment: Moment, opened: int | None) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.formats.base import Format, Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded, collect
+from etnet.files import in_megabytes
 
 _LARGEST = 64 << 20
 _MARK, _PERIOD = 240, 1 << 13
@@ -20,7 +21,7 @@ def _open(request: Request) -> Opened:
     size = request.path.stat().st_size
     if size > _LARGEST:
         raise RecordingError(
-            f"{request.name}: {size >> 20} MB of .bin; samples of N-MNIST and N-Caltech101 are far smaller"
+            f"{request.name}: {in_megabytes(size)} of .bin; samples of N-MNIST and N-Caltech101 are far smaller"
         )
     octets = np.fromfile(request.path, np.uint8)
     if size % 5:

@@ -83,9 +83,9 @@ def test_its_frames_are_those_that_the_camera_showed(mirror, shelf):
     assert np.allclose(truth.read_frame(len(truth) - 1), face(30) / 255, atol=0.01)
 
 
-def test_when_it_ends_it_is_told_and_forgotten(mirror, shelf):
-    told = []
-    mirror.on_change = told.append
+def test_when_it_ends_it_is_told_and_forgotten(shelf):
+    made, told = Mirrors(shelf.stream, shelf.take_in, shelf.let_go), []
+    mirror = made.mirror(told.append)
     begun(mirror, shelf)
     held = mirror.recording_id
     mirror.end()

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.catalogue.recording_id import is_of, listed_id, stated_id, stated_in
+from app.catalogue.recording_id import RecordingId, is_of, listed_id, stated_id
 from app.catalogue.recordings import Catalogue
 from app.catalogue.videos import FilmSetting, film_id
 from app.config import ViewerConfig
@@ -25,10 +25,12 @@ STATEMENTS = st.builds(
 @given(STATEMENTS, STATEMENTS)
 def test_an_id_holds_what_is_stated_and_the_file_it_is_stated_of(stated, again):
     named = stated_id("data-0a1b", stated)
-    assert stated_in(named) == stated
+    assert RecordingId.of(named).stated == stated
+    assert str(RecordingId.of(named)) == named
+    assert str(RecordingId.of(f"{named}^4000")) == f"{named}^4000"
     assert listed_id(named) == "data-0a1b"
     assert stated_id(named, again) == stated_id("data-0a1b", again)
-    assert stated_in(f"{named}^4000") == stated  # a part of it
+    assert RecordingId.of(f"{named}^4000").stated == stated  # a part of it
     assert is_of(named, "data-0a1b")
     assert (named == "data-0a1b") == (stated == NOTHING_ASSUMED)
 
@@ -36,15 +38,25 @@ def test_an_id_holds_what_is_stated_and_the_file_it_is_stated_of(stated, again):
 @given(st.text("!,~^x0123456789smu inverteddrop", max_size=30))
 def test_an_id_that_a_page_made_up_is_understood_or_refused(text):
     try:
-        stated = stated_in(f"data-0a1b!{text}")
+        stated = RecordingId.of(f"data-0a1b!{text}").stated
     except EtnetError:
         return
     assert stated_id("data-0a1b", stated).startswith("data-0a1b")
 
 
 def test_a_film_and_another_file_are_not_the_file():
-    assert listed_id(film_id("data-0a1b", FilmSetting(0.3, 1.0))) == "data-0a1b"
+    film = film_id("data-0a1b", FilmSetting(0.3, 1.0))
+    assert listed_id(film) == "data-0a1b"
+    assert RecordingId.of(film) == RecordingId("data-0a1b", FilmSetting(0.3, 1.0).words)
+    assert str(RecordingId.of(film)) == film
     assert not is_of("data-0a1bc", "data-0a1b")
+    assert not is_of("data-0a1b", "")
+
+
+@pytest.mark.parametrize("of", ["data-0a1b^4000", "data-0a1b!us^4000", film_id("data-0a1b", FilmSetting(0.3, 1.0))])
+def test_a_part_and_a_film_are_of_their_file_but_the_file_is_not_of_them(of):
+    assert is_of(of, "data-0a1b")
+    assert not is_of("data-0a1b", of)
 
 
 @pytest.mark.parametrize("text", ["640×480", "640x480", " 640, 480 ", "640 480"])

@@ -12,9 +12,9 @@ from app.catalogue.videos import KEPT, FilmSetting, Videos, film_id, is_simulate
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE
 from app.config import ViewerConfig
+from app.engine.denoised import CleanedRecordings
 from app.engine.requests import FrameRequest
-from app.session.loader import RecordingLoader
-from app.session.opening import Opened, Opening, Unopened
+from app.session.loader import Opened, Opening, RecordingLoader, Unopened
 from app.state.intents import PlayTo, RenameRecording, ReopenRecording, Seek, Settle
 from app.state.view_state import Limits, ViewState
 from etnet.errors import EtnetError
@@ -139,12 +139,12 @@ def test_a_page_goes_on_to_the_moment_that_was_asked_for_as_it_is_made(stepped):
     growing, go_on = stepped
     go_on(FEWEST_FRAMES)
     posted = []
-    held = RecordingLoader(Watched(), posted.append)
+    held = RecordingLoader(Watched(), CleanedRecordings(), posted.append)
     recording = growing.wait(lambda: False)
     policy = BetweenFrames()
     stamp = 8 * 20_000
     state = ViewState("v", "m", policy=policy, moment=stamp)
-    from app.session.opening import Plan
+    from app.session.loader import Plan
 
     plan = Plan("v", policy)
     opened = Opened(plan, policy, recording, plan_windows(recording, policy))
@@ -220,9 +220,9 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_i
 
 
 def test_messages_of_another_recording_change_nothing():
-    held = RecordingLoader(Watched(), print)
+    held = RecordingLoader(Watched(), CleanedRecordings(), print)
     state = ViewState("v", "m")
-    from app.session.opening import Plan
+    from app.session.loader import Plan
 
     for letter in (Opening(Plan("w", None), 0.5), Unopened(Plan("w", None), "no")):
         assert held.take(letter, state) == ((), "")

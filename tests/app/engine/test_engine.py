@@ -3,6 +3,7 @@ import logging
 import threading
 import time
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from app.engine import queue
 from app.engine.playbacks import KEPT_PLAYBACKS
 from app.engine.requests import Failed, Ready, Working
 from etnet.events.events import Sensor
+from etnet.events.recording import recording_of_events
 from etnet.nets.intervention import Intervention
-from etnet.windows import ByDuration
-from tests.app.fakes import Inbox, hold, recording_of, request, sequential
+from etnet.reconstruction import window_voxel
+from etnet.windows import ByDuration, plan_windows
+from tests.app.fakes import POLICY, Inbox, hold, recording_of, request, sequential
 
 
 def test_a_request_is_served_exactly(shelf, make_engine):
@@ -363,3 +366,18 @@ def test_a_step_that_nobody_could_stop_is_not_begun_where_others_come_in(shelf, 
     engine = make_engine(longest_step=None)
     engine.request("ada", request(2, recording="vast"), other)
     assert other.ready(2, timeout=60).is_exact
+
+
+def test_a_run_from_a_cold_start_grows_with_its_recording(shelf, make_engine):
+    whole = shelf.recordings["r"]
+    now = [replace(recording_of_events(whole.read(0, 1_000)), latest=lambda: now[0])]
+    shelf.recordings["r"] = now[0]
+    engine, inbox = make_engine(), Inbox()
+    engine.request("ada", request(3, cold_at=5), inbox)
+    inbox.ready(3)
+    now[0] = whole
+    engine.request("ada", request(30, cold_at=5), inbox)
+    frame = inbox.ready(30).frame
+    windows = plan_windows(whole, POLICY)[5:36]
+    seen = sum(window_voxel(shelf.model_instance, whole, window).sum(0) for window in windows)
+    assert np.array_equal(frame, (seen / 100).numpy())

@@ -1,6 +1,6 @@
 import gc
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from app.engine.engine import Engine
 from app.engine.jobs import JobResult, num_bytes
 from app.engine.requests import FrameRequest
 from app.session.jobs import JobNews, VisitorJobs
+from app.state.view_state import ViewState
 from etnet.errors import ModelError
 from tests.app.fakes import Inbox, Notes, Shelf, hold, request
 
@@ -147,6 +148,28 @@ def test_only_what_changed_is_asked():
     asked.want({"a": two})
     asked.want({})
     assert engine.calls == [("job", "a", one), ("job", "a", two), ("drop", "a")]
+
+
+def test_while_windows_pass_nobody_is_asked_what_is_wanted_unless_more_than_the_window_changes():
+    engine, told = Recorder(), []
+    asked = VisitorJobs(engine, "ada", lambda news: None)
+    one, two = Counting(request(1)), Counting(request(2))
+    wanted = {"a": one, "b": one}
+
+    def jobs():
+        told.append(dict(wanted))
+        return wanted
+
+    state = ViewState(recording_id="r")
+    asked.follow(state, False, jobs)
+    for index in range(1, 5):
+        asked.follow(replace(state, index=index), True, jobs)
+    assert len(told) == 1
+    wanted = {"a": two}
+    asked.follow(replace(state, index=5, tab="another"), True, jobs)
+    assert engine.calls == [("job", "a", one), ("job", "b", one), ("drop", "b")], "no new question in a drag"
+    asked.follow(replace(state, index=5, tab="another"), False, jobs)
+    assert engine.calls[-1] == ("job", "a", two)
 
 
 def test_news_of_a_question_that_is_no_longer_asked_is_no_news():

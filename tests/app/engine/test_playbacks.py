@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from app.engine.playbacks import Pace, is_exact
+from app.engine.playbacks import Pace
+from app.engine.replies import is_exact
 from app.engine.requests import FrameRequest
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model

@@ -5,7 +5,9 @@ import time
 
 import numpy as np
 
-from app.engine.prefetch import windows_ahead
+from app.engine.playbacks import PlaybackCache
+from app.engine.prefetch import Prefetcher, windows_ahead
+from app.engine.queue import RequestQueue
 from tests.app.fakes import Inbox, hold, request, sequential
 
 
@@ -86,3 +88,32 @@ def test_for_one_who_plays_frames_are_prepared_in_play_order():
     tasks = list(windows_ahead(10, 100, num_states=20, stride=3))
     assert tasks[:4] == [("frame", 13), ("frame", 16), ("frame", 19), ("frame", 22)]
     assert next(windows_ahead(10, 12, num_states=20, stride=3))[0] == "state"
+
+
+class Counted(RequestQueue):
+    """Counts how often the last requests are asked for."""
+
+    num_asked = 0
+
+    def last_turns(self):
+        self.num_asked += 1
+        return super().last_turns()
+
+
+def test_what_comes_next_is_planned_once_for_each_request_and_playback(shelf):
+    book, playbacks = Counted(), PlaybackCache(shelf, 64 << 20, "cpu", 1, shelf.load)
+    prefetcher = Prefetcher(playbacks, book)
+    book.put("ada", request(3), lambda reply: None)
+    assert [prefetcher.has_work() for _ in range(5)] == [False] * 5
+    assert book.num_asked == 1
+    playbacks.loaded(request(3)).state_bytes = 1_000
+    assert [prefetcher.has_work() for _ in range(5)] == [True] * 5
+    assert book.num_asked == 2
+    made = []
+    while prefetcher.has_work():
+        prefetcher.work(lambda: False, lambda prepared, loaded: made.append(prepared.index))
+    assert set(range(4, 12)) <= set(made)
+    assert book.num_asked == 2
+    book.drop("ada")
+    assert not prefetcher.has_work()
+    assert book.num_asked == 3

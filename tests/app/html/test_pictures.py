@@ -7,11 +7,11 @@ import pytest
 
 from app.engine.requests import Failed, Ready, Working
 from app.html import pictures
-from app.html.cloud import event_cloud
 from app.html.moment import Moment
 from app.html.pictures import (
     camera_frame_html,
     camera_image,
+    event_cloud,
     event_image_html,
     event_picture,
     reconstruction_html,

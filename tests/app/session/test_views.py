@@ -1,28 +1,33 @@
 """A view is one value of a list: what is in it appears, is asked, kept and linked; what is hidden costs nothing."""
 
 import asyncio
+import sys
 from collections import Counter
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass, fields, is_dataclass, replace
+from types import UnionType
+from typing import ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.engine import downloads
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
-from app.html.card import card
+from app.html.elements import card
 from app.session.channel import parse
 from app.state import intents as ask
 from app.state.checks import passing, text, whole
 from app.state.link import from_link, to_link
+from app.state.run import Run
 from app.state.stored import from_text, to_text
 from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
+from app.views.inspect.state import Change
 from app.views.panel import Html, Panel, on_visitor
-from app.views.reduce import reduce_views
-from app.views.view import NOWHERE, Card, View, areas, open_tab, open_views, tabs
-from etnet.windows import BetweenFrames
+from app.views.view import NOWHERE, Card, Here, View, areas, open_tab, open_views, reduce_views, tabs
+from etnet.events.cleaning import Cleaning
+from etnet.windows import BetweenFrames, Policy
 from tests.app.stand_ins import Browser, served
 
 
@@ -98,6 +103,7 @@ def tally_of(workspace="inspect", **more):
         settings_in=frozenset({workspace}),
         cards=(Card("tally", shelf=frozenset({workspace})),),
         reduce=reduce_tally,
+        intents=(ask.OpenRecording,),
         hear=lambda words: Ring() if words == "ring" else None,
         jobs=jobs,
         **more,
@@ -306,3 +312,53 @@ def test_every_name_of_a_view_is_one_word_for_its_slice_folder_and_cards():
         assert type(view.initial).__module__ == f"app.views.{view.name}.state"
         assert all(card_.name.partition(".")[0] in (view.name, "camera") for card_ in view.cards)
     assert len({view.name for view in VIEWS}) == len(VIEWS)
+
+
+def _sample(hint):
+    """Some value of a field's type."""
+    if get_origin(hint) is Literal:
+        return get_args(hint)[0]
+    if get_origin(hint) in (Union, UnionType):
+        return _sample(get_args(hint)[0])
+    if get_origin(hint) in (frozenset, tuple):
+        return get_origin(hint)(_sample(part) for part in get_args(hint) if part is not Ellipsis)
+    known = {str: "a", int: 3, float: 0.5, bool: True, object: 1, Policy: BetweenFrames(), Cleaning: Cleaning(True)}
+    if hint in known:
+        return known[hint]
+    return _made(hint) if is_dataclass(hint) else hint()
+
+
+def _made(kind):
+    """A dataclass with some value in each field."""
+    hints = get_type_hints(kind)
+    return kind(**{entry.name: _sample(hints[entry.name]) for entry in fields(kind) if entry.init})
+
+
+def _intents():
+    """One of each kind that there is, of the page, of what lies below the views, and of every view."""
+    modules = [ask, downloads, *(sys.modules[type(view.initial).__module__] for view in VIEWS)]
+    named = {module.__name__ for module in modules}
+    kinds = [kind for module in modules for kind in vars(module).values() if is_dataclass(kind)]
+    for kind in dict.fromkeys(kinds):
+        if isinstance(kind, type) and not hasattr(kind, "view") and kind.__module__ in named:
+            yield _made(kind)
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
+def test_a_view_declares_every_intent_that_says_something_to_it(view):
+    """What it does not declare is never shown to its reducer; its slice would have stayed as it was."""
+    here = Here(ViewState(recording_id="a", policy=BetweenFrames(), is_public=True), Limits())
+    busy = replace(view.initial, **_BUSY.get(view.name, {}))
+    unheard = [intent for intent in _intents() if not isinstance(intent, ask.Set) and not view.hears(intent)]
+    assert len(unheard) > 20
+    for intent in unheard:
+        assert view.reduce(busy, intent, here) == busy, intent
+
+
+_BUSY = {
+    "demo": {"act": "events", "large": "map", "sheet": "home", "guess": "asked", "home": "a"},
+    "inspect": {"change": Change(once=True, since=3), "shows_original": True},
+    "attention": {"compare": "a", "also": "b", "head": 2},
+    "compare": {"runs": (Run(cold_from=5),), "offset": 7, "camera": "frame"},
+    "scene": {"camera": "front", "num_asked": 3},
+}

@@ -4,16 +4,20 @@ import asyncio
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from app.engine.denoised import CleanedRecordings
 from app.engine.replayed import replayed_windows
 from app.session.runs import RunPlan, VisitorRuns
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
 from app.views.export.state import EXPORT_SLOT
 from etnet.events.cleaning import Cleaning
+from etnet.events.events import Events
+from etnet.events.recording import GroundTruth, recording_of_events
 from etnet.windows import BetweenFrames, ByDuration
 from tests.app.fakes import recording_of
-from tests.app.stand_ins import Browser, served
+from tests.app.stand_ins import SENSOR, Browser, served
 
 
 @pytest.fixture(scope="module")
@@ -115,13 +119,81 @@ def test_on_a_recording_without_frames_a_run_between_frames_says_one_plain_sente
     plan = RunPlan("a", BetweenFrames())
     events = recording_of(20)
     posted = []
-    runs = VisitorRuns(None, None, "ada", posted.append)
+    runs = VisitorRuns(None, None, CleanedRecordings(), "ada", posted.append)
     runs._plan(plan, events)
     runs._plan(replace(plan, replays="paper"), events)
     assert [letter.trouble for letter in posted] == [
         "This recording has no camera frames, so its events cannot be cut between them.",
         "This recording has no camera frames, so no protocol can score it.",
     ]
+
+
+class Growing:
+    """Three seconds of events and frames, of which as much is there as a test says."""
+
+    def __init__(self, milliseconds):
+        t = np.arange(6_001, dtype=np.int64) * 500
+        rng = np.random.default_rng(4)
+        places = (rng.integers(0, side, len(t)).astype(np.uint16) for side in (SENSOR.width, SENSOR.height))
+        self._events = Events(*places, t, rng.choice(np.array([-1, 1], np.int8), len(t)), SENSOR)
+        self.grow(milliseconds)
+
+    def grow(self, milliseconds):
+        until = 1_000 * milliseconds
+        stamps = np.arange(0, until + 1, 10_000, dtype=np.int64)
+        truth = GroundTruth(stamps, lambda i: np.zeros((SENSOR.height, SENSOR.width), np.float32))
+        events = self._events[: int(np.searchsorted(self._events.t, until, side="right"))]
+        is_whole = milliseconds == 3_000
+        made = recording_of_events(events, "growing", ground_truth=truth)
+        self.recording = made if is_whole else replace(made, latest=lambda: self.recording)
+
+
+def test_a_run_in_windows_of_its_own_follows_a_recording_that_grows_to_its_end():
+    with served() as viewer:
+        growing = Growing(1_000)
+        viewer.shelf.recordings["a"] = growing.recording
+
+        async def story(browser):
+            await press(browser, "workspace:compare")
+            await browser.until_shown('data-testid="run-A"')
+            await press(browser, "compare:add")
+            await press(browser, "compare:windows:1:milliseconds:100")
+            await browser.until_shown("every 100 ms")
+            for milliseconds, window, last in ((1_000, 9, 9), (2_000, 19, 19), (3_000, 29, 30)):
+                growing.grow(milliseconds)
+                await browser.until_shown(f"of 0 – {milliseconds // 10 - 1}")
+                await browser.use(browser.widget("Window"), milliseconds // 10 - 1)
+                await browser.until_shown(f"Run A: window {milliseconds // 10 - 1}")
+                await browser.until_shown(f"window {window} of 0–{last}")
+
+        visit(viewer, story, 76)
+        run, request = run_requests(viewer)[-1]
+        assert (run, request.policy, request.index) == ("run1", ByDuration(100_000), 29)
+
+
+def test_a_run_from_a_cold_start_keeps_its_first_window_while_the_recording_grows():
+    growing, posted = Growing(1_000), []
+    runs = VisitorRuns(None, None, CleanedRecordings(), "ada", posted.append)
+    plan = RunPlan("a", ByDuration(100_000), cold_from=420_000)
+    runs._plan(plan, growing.recording)
+    growing.grow(3_000)
+    runs._plan(plan, growing.recording, posted[0])
+    first, then = posted
+    assert (first.cold_at, then.cold_at) == (5, 5)
+    assert list(then.windows)[:5] == list(first.windows)
+    assert (len(first.windows), len(then.windows)) == (5, 26)
+
+
+def test_what_could_not_be_planned_of_a_part_is_planned_when_all_of_it_is_there():
+    growing, posted = Growing(1_000), []
+    runs = VisitorRuns(None, None, CleanedRecordings(), "ada", posted.append)
+    plan = RunPlan("a", BetweenFrames(), Cleaning(hot_pixels=True))
+    runs._plan(plan, growing.recording)
+    assert "filter it when all of it is there" in posted[0].trouble
+    growing.grow(3_000)
+    assert posted[0].is_outgrown(growing.recording)
+    runs._plan(plan, growing.recording, posted[0])
+    assert len(posted[1].windows) == 300
 
 
 def test_a_run_that_is_removed_costs_nothing_more(viewer):

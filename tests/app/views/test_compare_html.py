@@ -9,8 +9,8 @@ import pytest
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest, Ready
 from app.html.moment import Moment
+from app.html.pictures import Tones
 from app.html.provenance import ModelFacts
-from app.html.tones import Tones
 from app.state.run import Run
 from app.views.compare.html.run import RunShown, Truth
 from app.views.compare.html.scores import chart_html, curves_over, means_html, means_title, trace

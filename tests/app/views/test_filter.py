@@ -23,7 +23,7 @@ from app.views.filter.jobs import StatisticsJob, filter_jobs
 from app.views.filter.state import STATISTICS_SLOT
 from app.views.filter.why import findings, why_html
 from app.views.page import Page
-from app.views.reduce import reduce_views
+from app.views.view import reduce_views
 from etnet.errors import RecordingError
 from etnet.events.cleaning import Cleaning, parse_cleaning
 from etnet.events.denoise import cleaned, num_masked, removed_share, uncleaned

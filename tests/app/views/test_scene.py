@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.views.scene import frame_plane
-from app.views.scene.frame_plane import FIRST_STAYS, FramePlane
-from app.views.scene.map_planes import MapPlanes
+from app.views.scene import nodes
+from app.views.scene.nodes import FIRST_STAYS, FramePlane, MapPlanes
 from app.views.scene.space import DEPTH, Space, box_corners, camera_place
 from etnet.events.events import Sensor
 
@@ -92,7 +91,7 @@ def test_planes_stand_one_behind_the_other_and_go_when_they_are_not_wanted():
 
 def test_a_new_planes_first_picture_is_not_replaced_before_a_slow_browser_has_drawn_it(monkeypatch):
     clock = [50.0]
-    monkeypatch.setattr(frame_plane.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(nodes.time, "monotonic", lambda: clock[0])
     images, space = Images(), Space(Sensor(40, 30))
     plane = FramePlane(images, lambda intent: None)
 

@@ -4,8 +4,7 @@ import pytest
 
 from app.html.moment import Moment
 from app.html.timeline_marks import curve_of, place_of
-from app.views.timeline.html import timeline_html
-from app.views.timeline.transport import legend_html, now_html
+from app.views.timeline.html import legend_html, now_html, timeline_html
 from etnet.windows import plan_windows
 from tests.app.checked_html import Checker
 from tests.app.fakes import POLICY

@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.published import LARGEST_THUMBNAILS, THUMBNAIL_WIDTH, Thumbnails
 from app.engine.requests import FrameRequest
-from app.engine.thumbnails import LARGEST, WIDTH, Thumbnails
 from app.html.moment import Moment
 from app.session.channel import Hover, parse
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
-from app.views.reduce import reduce_views
-from app.views.timeline.html import timeline_html
+from app.views.timeline.html import legend_html, marks_html, now_html, speed_html, timeline_html, transport_html
 from app.views.timeline.state import SPEEDS, hear, speed_of
-from app.views.timeline.transport import legend_html, marks_html, now_html, speed_html, transport_html
+from app.views.view import reduce_views
 from etnet.events.events import Events, Sensor
 from etnet.events.recording import recording_of_events
 from etnet.events.triggers import Triggers
@@ -151,13 +150,13 @@ def test_a_stretch_always_holds_a_window(begin, end, wanted):
 
 def test_small_frames_are_kept_by_window_within_a_budget():
     request = FrameRequest("a", "m", "fp32", ByCount(5), 0)
-    kept = Thumbnails(3 * 2 * WIDTH * 87)
+    kept = Thumbnails(3 * 2 * THUMBNAIL_WIDTH * 87)
     for index in range(5):
         kept.keep(replace(request, index=index), np.full((180, 240), index, np.float32))
     assert kept.find(request) is None
-    assert kept.find(replace(request, index=4)).shape == (87, WIDTH)
+    assert kept.find(replace(request, index=4)).shape == (87, THUMBNAIL_WIDTH)
     assert kept.find(replace(request, index=4)).mean() == 4
-    assert kept.nbytes <= 3 * 2 * WIDTH * 87 <= LARGEST
+    assert kept.nbytes <= 3 * 2 * THUMBNAIL_WIDTH * 87 <= LARGEST_THUMBNAILS
     kept.forget("a")
     assert kept.nbytes == 0
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.catalogue.recording_id import listed_id, stated_in
+from app.catalogue.recording_id import RecordingId, listed_id
 from app.session.channel import parse
 from app.state.link import LinkError, from_link, to_link
 from app.state.stored import from_text, to_text, to_values
@@ -13,7 +13,7 @@ from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
 from app.views.compare.state import CompareState
 from app.views.inspect.state import InspectState
-from app.views.reduce import reduce_views
+from app.views.view import reduce_views
 from etnet.errors import EtnetError
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, Window
@@ -44,7 +44,7 @@ def is_usable(state):
     to_text(state).encode()
     to_link(state, 5)
     listed_id(state.recording_id)
-    one_line(lambda: stated_in(state.recording_id))
+    one_line(lambda: RecordingId.of(state.recording_id).stated)
     reduce_views(state, parse("key|comma|1", VIEWS), LIMITS, VIEWS)
 
 

@@ -16,9 +16,8 @@ from app.html.attention.maps import (
     site_words,
     tokens_words,
 )
-from app.html.card import icon_button, segmented
 from app.html.controls import button
-from app.html.elements import ON_PICK, escape, panel
+from app.html.elements import ON_PICK, escape, icon_button, panel, segmented
 from app.html.moment import PICTURES
 from app.html.units import resolution, short
 from app.views.attention.html.dots import dots_html

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from app.html.attention.python import Named, described, python_of
-from app.html.card import icon_button, segmented
-from app.html.elements import escape
+from app.html.elements import escape, icon_button, segmented
 from app.views.attention.html.pins import difference_of
 from app.views.attention.html.shown import Shown
 from app.views.attention.jobs.site import feature_of_word

@@ -6,9 +6,8 @@ import numpy as np
 
 from app.engine.jobs import JobResult
 from app.html.attention.maps import base_url, head_words, map_facts, map_html
-from app.html.card import segmented
 from app.html.controls import under_way
-from app.html.elements import ON_PICK, escape, panel
+from app.html.elements import ON_PICK, escape, panel, segmented
 from app.html.units import seconds
 from app.views.attention.html.atlas import effect_words, effects_of
 from app.views.attention.html.shown import Shown, missing, shown_of

@@ -5,9 +5,8 @@ from __future__ import annotations
 from app.html.attention.changed import change_words, since_words
 from app.html.attention.difference import difference_legend
 from app.html.attention.maps import highest_of, map_legend
-from app.html.card import icon_button, segmented, select
 from app.html.controls import button, plain_bar
-from app.html.elements import escape, panel
+from app.html.elements import escape, icon_button, panel, segmented, select
 from app.html.moment import ARRAYS
 from app.html.units import of_whole
 from app.views.attention.html.pins import difference_of, pin_words

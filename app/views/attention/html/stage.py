@@ -18,8 +18,7 @@ from app.html.attention.maps import (
     tokens_of,
     tokens_words,
 )
-from app.html.card import icon_button
-from app.html.elements import chip, escape, panel, picture
+from app.html.elements import chip, escape, icon_button, panel, picture
 from app.html.moment import PICTURES
 from app.html.pictures import lag_line, reconstruction_image
 from app.html.units import count, resolution

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from app.html.attention.maps import large_map
-from app.html.card import segmented
-from app.html.elements import escape, panel
+from app.html.elements import escape, panel, segmented
 from app.html.units import count, of_whole
 from app.views.attention.html.shelf import waits
 from app.views.attention.html.shown import Shown, missing, shown_of

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from app.engine.requests import Precision
-from app.html.card import icon_button, number_field, segmented, select
 from app.html.choices import PRECISIONS, STEPS, offered, words_of
-from app.html.elements import escape
-from app.html.icons import icon
+from app.html.elements import escape, icon, icon_button, number_field, segmented, select
 from app.views.compare.html.run import RunShown
 from app.views.compare.html.series import TITLES
 from app.views.compare.state import AS_MAIN, FILTERS, CompareState

@@ -10,7 +10,7 @@ from jaxtyping import Float32
 
 from app.engine.requests import Failed, FrameRequest, Ready, Working
 from app.html.moment import ARRAYS, Moment
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.html.units import milliseconds, policy
 from app.state.run import Run
 from app.views.compare.state import NAMES, CompareState

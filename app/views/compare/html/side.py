@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from app.html.card import segmented
-from app.html.elements import ON_PICK, escape
+from app.html.elements import ON_PICK, escape, segmented
 from app.html.moment import Moment
 from app.html.provenance import density_html
 from app.html.units import count, seconds

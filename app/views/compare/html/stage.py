@@ -10,9 +10,7 @@ from jaxtyping import Float32
 from app.engine.requests import Ready
 from app.html.elements import chip, empty, escape, marker, picture
 from app.html.moment import PICTURES, Moment
-from app.html.pictures import lag_line, reconstruction_image
-from app.html.reads import grey_reads, ramp_reads
-from app.html.swipe import swiped
+from app.html.pictures import grey_reads, lag_line, ramp_reads, reconstruction_image, swiped
 from app.html.units import milliseconds, short
 from app.views.compare.html.heads import section
 from app.views.compare.html.run import SAME_TIME, RunShown, Truth, truth_frame

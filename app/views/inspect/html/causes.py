@@ -18,7 +18,7 @@ from app.html.controls import (
 )
 from app.html.elements import ON_PICK, escape, legend, marker, panel, picture
 from app.html.moment import PICTURES, Moment
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.html.units import count, seconds, short
 from app.views.inspect.html.overview import stage_words
 from app.views.inspect.results import SpreadFound, TwinFound

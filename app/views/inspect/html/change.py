@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from app.engine.network_parts import NetworkParts
 from app.html.attention.changed import change_words, since_words
 from app.html.attention.maps import site_words
-from app.html.card import segmented
 from app.html.controls import (
     button,
     buttons,
@@ -18,8 +17,8 @@ from app.html.controls import (
     signed_picture,
     under_way,
 )
-from app.html.elements import escape, panel
-from app.html.tones import Tones
+from app.html.elements import escape, panel, segmented
+from app.html.pictures import Tones
 from app.html.units import count, milliseconds, resolution, short
 from app.views.inspect.results import Outcome
 from app.views.inspect.state import JITTERS, Change, is_switched

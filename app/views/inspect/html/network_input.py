@@ -7,9 +7,8 @@ import numpy as np
 from app.html.controls import choose_pixel
 from app.html.elements import escape, legend, marker, panel, picture
 from app.html.moment import PICTURES, Moment
-from app.html.units import count, milliseconds, short
+from app.html.units import bin_words, count, milliseconds, short
 from app.views.inspect.results import Given
-from app.views.voxels.html import bin_words
 from etnet.render.colours import OFF, ON, css_gradient, diverge, diverging, hexadecimal
 from etnet.render.encode import data_url
 from etnet.render.voxels import signed_max_pool

@@ -8,9 +8,8 @@ import numpy as np
 
 from app.engine.requests import Ready
 from app.html.attention.maps import AttentionLook, map_html, map_legend, site_words, tokens_words
-from app.html.card import segmented
 from app.html.controls import LINE, button, buttons, curves, plain_bar
-from app.html.elements import escape, legend, panel, picture
+from app.html.elements import escape, legend, panel, picture, segmented
 from app.html.moment import PICTURES
 from app.html.units import count, fraction, milliseconds, of_whole, resolution
 from app.views.inspect.results import Followed, RolledOut

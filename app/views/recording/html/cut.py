@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.html.elements import ON_PICK, escape, panel
+from app.html.elements import ON_PICK, bar, escape, panel
 from app.html.moment import Moment
 from app.html.units import count
 from app.state.view_state import Limits, ViewState
@@ -19,8 +19,7 @@ def excerpt_html(moment: Moment, state: ViewState, result: JobResult | None) -> 
     title, view = "<h4>Trim</h4>", state.of(RecordingState)
     if view.cut is not None and (result is None or not result.trouble):
         share = 0.0 if result is None else result.share
-        bar = f'<div class="et-bar"><i style="width:{share:.0%}"></i></div>'
-        lag = f'<div class="et-lag"><span>trimming, {share:.0%}</span>{bar}</div>'
+        lag = f'<div class="et-lag"><span>trimming, {share:.0%}</span>{bar(share)}</div>'
         return panel("cut", title, lag, _button("drop", "Cancel"))
     excerpt = excerpt_of(state, Limits(moment.recording.sensor, moment.windows, moment.recording.span.start))
     marks = _mark("a", "A here (I)") + _mark("b", "B here (O)")

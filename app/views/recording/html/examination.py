@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from app.html.elements import ON_PICK, empty, escape, panel, picture
+from app.html.elements import ON_PICK, bar, empty, escape, panel, picture
 from app.html.moment import PICTURES, Moment
 from app.html.units import count, of_whole, rate, seconds
 from etnet.render.colours import css_gradient, sequential
@@ -36,9 +36,8 @@ def doctor_html(moment: Moment, result: JobResult | None) -> str:
         return part("doctor", "Statistics", empty("Cannot be examined", result.trouble))
     if result is None or result.value is None:
         share = 0.0 if result is None else result.share
-        waits = " et-bar-wait" if result is None else ""
-        bar = f'<div class="et-lag"><span>reading the events, {share:.0%}</span><div class="et-bar{waits}">'
-        return part("doctor", "Statistics", f'{bar}<i style="width:{share:.0%}"></i></div></div>')
+        read = f"<span>reading the events, {share:.0%}</span>{bar(share, waits=result is None)}"
+        return part("doctor", "Statistics", f'<div class="et-lag">{read}</div>')
     found: Examination = result.value
     advice = "".join(f'<div class="et-warning" data-testid="advice">{escape(said)}</div>' for said in found.advice)
     return (

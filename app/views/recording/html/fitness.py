@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.html.elements import ON_PICK, empty, escape, panel
+from app.html.elements import ON_PICK, bar, empty, escape, panel
 from app.html.moment import ARRAYS, Moment
 from app.html.provenance import ModelFacts
 from app.html.timeline_marks import curve_of, plan_of
@@ -36,7 +36,7 @@ def fitness_html(moment: Moment, result: JobResult | None, model: ModelFacts, of
         return part("fitness", _TITLE, empty("Measuring", "It is measured while nobody waits for a frame."))
     found: Fitness = result.value
     rows = "".join(_row(row, model) for row in _rows(moment, found)) + _lag_row(found, offset)
-    busy = "" if result.is_whole else f'<div class="et-bar"><i style="width:{result.share:.0%}"></i></div>'
+    busy = "" if result.is_whole else bar(result.share)
     head = "<tr><th>property</th><th>measured</th><th>trained on</th></tr>"
     title = f'<div class="et-note">Is this what “{escape(model.title)}” was trained for?</div>'
     hot = _hot(found) if result.share >= 0.8 else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from app.catalogue.recording_id import seen_id
-from app.html.card import segmented
+from app.html.elements import segmented
 from app.views.page import Page
 from etnet.events.opened_as import WHOLE_VIEW
 from etnet.events.recording import Recording

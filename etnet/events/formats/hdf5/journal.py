@@ -16,7 +16,7 @@ from pathlib import Path
 
 from etnet.errors import RecordingError
 from etnet.events.formats.hdf5.at_exit import close_at_exit
-from etnet.files import write_atomically
+from etnet.files import in_megabytes, write_atomically
 
 _MAGIC = b"etnetH5J"
 _LARGEST = 1 << 30
@@ -153,7 +153,7 @@ def restore(path: Path) -> bool:
         return False
     try:
         if journal.stat().st_size > _LARGEST:
-            raise RecordingError(f"{journal.name}: a journal of more than {_LARGEST >> 20} MB; remove it")
+            raise RecordingError(f"{journal.name}: a journal of more than {in_megabytes(_LARGEST)}; remove it")
         content = journal.read_bytes()
         body, check = content[len(_MAGIC) : -4], content[-4:]
         if content[: len(_MAGIC)] != _MAGIC or len(check) < 4 or zlib.crc32(body) != struct.unpack("<I", check)[0]:

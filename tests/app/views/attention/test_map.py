@@ -11,7 +11,7 @@ from app.engine.network_parts import NetworkPartsJob, network_parts
 from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook
 from app.html.attention.maps import attention_image, level_of, map_legend, rows_of, tokens_of
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.state.view_state import ViewState
 from app.views.attention.html.code import row_text
 from app.views.attention.html.shelf import heads_html

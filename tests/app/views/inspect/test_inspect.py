@@ -13,7 +13,7 @@ from app.html.attention.changed import change_words
 from app.html.attention.links import links_of
 from app.html.attention.look import AttentionLook
 from app.html.moment import Moment
-from app.html.tones import Tones
+from app.html.pictures import Tones
 from app.state.view_state import ViewState
 from app.views.attention.state import AttentionState
 from app.views.inspect.html.attribution import traced_html
@@ -26,7 +26,7 @@ from app.views.inspect.panel import InspectPanel, inspector_html
 from app.views.inspect.scene_cloud import traced_cloud
 from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
-from app.views.scene.links import arc
+from app.views.scene.nodes import arc
 from app.views.scene.space import Space
 from etnet.events.edit import EventEdit
 from etnet.nets.attention import AttentionProbe

@@ -1,11 +1,21 @@
 """A view of one's own: what its file may define, what it may return, and how its errors are shown."""
 
+import asyncio
+import time
+
 import numpy as np
 import pytest
 
+from app.config import ConfigError, ViewerConfig
+from app.engine.jobs import JobResult
+from app.main import Viewer
+from app.views import VIEWS
 from app.views.own.html import error_html, own_html
+from app.views.own.jobs import StepJob
 from app.views.own.load import OwnViewError, own_views
 from app.views.own.values import Html, Plot, Table
+from tests.app.small_loaded import loaded_of, request_of, whole
+from tests.app.stand_ins import Browser, served
 
 
 def _file(folder, text, name="mine.py"):
@@ -79,3 +89,58 @@ def test_an_error_names_the_users_file_and_line_and_shows_it(tmp_path):
         shown = error_html(error, str(path))
     assert "mine.py, line 2: IndexError" in shown
     assert "return [][3]" in shown
+
+
+@pytest.mark.parametrize("more", [{"demo": True}, {"public_url": "https://show.example"}, {"host": "0.0.0.0"}], ids=str)
+def test_where_others_come_in_no_code_of_ones_own_runs(tmp_path, more):
+    ran = tmp_path / "ran"
+    mine = _file(tmp_path, f"open({str(ran)!r}, 'w')\ndef show(moment):\n    return None\n")
+    with pytest.raises(ConfigError, match="--view runs your own code"):
+        ViewerConfig(views=(mine,), **more)
+    with pytest.raises(OwnViewError, match="run your code"):
+        Viewer(ViewerConfig(port=0, cache="off", **more), views=[mine])
+    assert not ran.exists()
+
+
+def test_a_file_that_asks_for_a_probe_gets_the_whole_step_of_its_window(tmp_path):
+    plain, probing = own_views([
+        _file(tmp_path, "def show(moment):\n    return None\n", "plain.py"),
+        _file(tmp_path, "probe = True\ndef show(moment):\n    return None\n", "probing.py"),
+    ])  # fmt: skip
+    asked = request_of(3, wants_attention=True)
+    assert plain.jobs(None, asked) == {}
+    ((slot, job),) = probing.jobs(None, asked).items()
+    assert (slot, job) == ("own-probing.step", StepJob(request_of(3)))
+    loaded = loaded_of()
+    step, fast = whole(job, loaded), loaded.playback.at(3)
+    assert np.array_equal(step.frame, fast.frame)
+    assert step.attention.sites
+    assert step.state.tensors
+
+
+def test_its_code_is_given_the_step_when_it_has_come(tmp_path):
+    text = """
+probe = True
+def show(moment):
+    return f"step {moment.step}, state {moment.state}, window {moment.window.index}"
+"""
+    (view,) = own_views([_file(tmp_path, text)])
+
+    class Made:
+        state, attention = "carried on", None
+
+        def __str__(self):
+            return "made"
+
+    async def story(viewer):
+        async with Browser.open(viewer.port, tab=93) as browser:
+            await browser.until_shown("Reconstruction of window 0")
+            await browser.use(browser.widget("channel"), f"pick|tab:own-mine|0.5|0.5|{time.monotonic_ns()}")
+            await browser.until_shown("step None, state None, window 0")
+            asked = lambda: [job for _, slot, job in viewer.engine.jobs if slot == "own-mine.step" and job]  # noqa: E731
+            await browser.until(asked)
+            viewer.engine.tell("own-mine.step", JobResult(asked()[-1], Made(), 1.0, is_whole=True))
+            await browser.until_shown("step made, state carried on, window 0")
+
+    with served(views=(*VIEWS, view)) as viewer:
+        asyncio.run(story(viewer))

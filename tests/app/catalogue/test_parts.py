@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.catalogue.part_id import known_as, whole_id
+from app.catalogue.recording_id import known_as, whole_id
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.config import ViewerConfig
+from app.engine.denoised import CleanedRecordings
 from app.html.moment import Moment
-from app.session.opening import Opened, Opener, Plan
+from app.session.loader import Opened, Opener, Plan
 from app.views.timeline.html import curve_of
 from etnet.events.formats.prophesee import index as raw_index
 from etnet.events.formats.prophesee import raw as prophesee
@@ -146,7 +147,7 @@ def test_the_curve_of_a_file_is_there_when_the_page_hears_that_it_is_open(growin
     told, reads = [], []
     source = replace(whole.source)
     whole = replace(whole, source=SimpleNamespace(num_events=source.num_events, read=source.read, close=source.close))
-    opener = Opener(SimpleNamespace(open=lambda *_: whole), told.append)
+    opener = Opener(SimpleNamespace(open=lambda *_: whole), CleanedRecordings(), told.append)
     opener.want(Plan("curve", ByCount(100)))
     wait_for(lambda: any(isinstance(each, Opened) for each in told))
     (opened,) = (each for each in told if isinstance(each, Opened))

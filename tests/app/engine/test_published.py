@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.engine import Engine
-from app.engine.recent_frames import RecentFrames
+from app.engine.published import RecentFrames
 from tests.app.conftest import BUDGET
 from tests.app.fakes import Inbox, Shelf, hold, request
 
