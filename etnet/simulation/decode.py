@@ -9,7 +9,6 @@ from itertools import chain
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 from av.error import BlockingIOError as NotYet
 from av.error import EOFError as Over
@@ -19,6 +18,7 @@ from jaxtyping import Float32, Shaped, UInt8
 
 from etnet.errors import RecordingError
 from etnet.simulation.footage import Frame, Framing
+from etnet.simulation.repeats import is_same, told_repeats
 from etnet.simulation.tone import Curve, Tone, light_table
 
 _CURVES: dict[int, Curve] = dict.fromkeys((1, 6, 14, 15), "bt709")
@@ -28,9 +28,6 @@ _GAMMAS = {4: 2.2, 5: 2.8}
 _FULL = 2
 _UNEVEN = 1.5
 """A longest interval so many times the shortest is told."""
-
-_SAME_MEAN, _SAME_MOST = 0.25, 16
-"""Steps of 8 bits, on average and at most, by which a repeated frame may differ."""
 _TAIL = 0.25
 """Seconds by which the last frame may come before the stated end."""
 
@@ -199,13 +196,7 @@ class VideoFootage:
             self.remarks.append(f"turned upright by {self._turns * 90}°, as the file says")
 
     def _tell_counts(self, num_frames: int, num_repeats: int, num_dropped: int, shortest: float, longest: float):
-        if num_repeats:
-            done = "left out" if self._drops_repeats else "kept as they are; --drop-repeats leaves them out"
-            total = num_frames + (num_repeats if self._drops_repeats else 0)
-            self.remarks.append(
-                f"{num_repeats} of {total} frames repeat the one before (telecine, a screen recording, or a scene "
-                f"that rests): {done}"
-            )
+        self.remarks += told_repeats(num_repeats, num_frames, self._drops_repeats)
         if num_dropped:
             self.remarks.append(f"{num_dropped} frames whose time does not come after the one before were left out")
         if longest > _UNEVEN * shortest:
@@ -213,18 +204,6 @@ class VideoFootage:
                 f"frames come at a variable rate, {shortest * 1e3:.1f} … {longest * 1e3:.1f} ms apart; "
                 "each keeps its own time"
             )
-
-
-def is_same(one: Shaped[np.ndarray, "h w"], other: Shaped[np.ndarray, "h w"], bits: int) -> bool:
-    """Whether a frame repeats another, up to what an encoder changes when it stores the same picture again.
-
-    Mean and largest difference of code values count, in steps of 8 bits. A scene that moves or fades ever so little
-    changes more: a whole step in a quarter of the picture is a mean of .25, and an edge goes through many steps.
-    """
-    step = 1 << (bits - 8)
-    if cv2.norm(one, other, cv2.NORM_INF) > _SAME_MOST * step:
-        return False
-    return cv2.norm(one, other, cv2.NORM_L1) < _SAME_MEAN * step * one.size
 
 
 class _Deinterlacer:

@@ -29,7 +29,14 @@ TRIAL_FRAMES = 25
 ROUNDS = 4
 """Trials after which the thresholds have settled."""
 CUTOFFS = (0.0, 100.0, 40.0, 15.0)
-"""Bandwidths that are tried, Hz; 0 is no limit."""
+"""Bandwidths that are tried, Hz; 0 is no limit. Then those half a step from the best one."""
+_HALF_STEP = 1.6
+_NO_LIMIT = 160.0
+"""What is tried half a step from no limit, Hz."""
+_BETTER = 0.002
+"""By so much more the voxels must correlate under another bandwidth."""
+_UNMEASURED = {"sigma_thres": 0.03, "leak_rate_hz": 0.1}
+"""What no measurement tells: values of a DAVIS (Brandli et al. 2014, Nozaki and Delbruck 2017)."""
 _NOISE_SHARE = 0.25
 """Of what nothing near supports, so much is called shot noise: an edge's first event has no support either."""
 
@@ -72,25 +79,59 @@ def measure_twin(
         fitness = found
         told(0.3 * share)
     pixels, remarks = _of_events(fitness, recording)
-    frames = _trial_frames(recording, tone or Tone("linear"))
+    tone = tone or Tone("linear")
+    frames = _trial_frames(recording, tone)
     if frames is None:
         remarks.append("it has no frames to try them on: thresholds and bandwidth are assumed")
         return Twin(pixels, None, None, None, tuple(remarks))
+    remarks.append(f"tried on {len(frames)} of its frames, which are taken as {tone}")
     real, edges = _real_events(recording, frames)
-    best: tuple[float, PixelSettings, Events] | None = None
-    for i, cutoff in enumerate(CUTOFFS):
+    best, tried = _best_bandwidth(pixels, frames, (real, edges), lambda share: told(0.3 + 0.7 * share))
+    found = ", ".join(f"{_hertz(cutoff)} {alike:.3f}" for cutoff, alike in sorted(tried.items()))
+    remarks.append(f"bandwidth: of those tried, the one whose voxels correlate best ({found})")
+    seconds = (frames[-1].t - frames[0].t) / 1e6
+    both = statistics(real, edges, seconds), statistics(best.events, edges, seconds)
+    return Twin(best.pixels, *both, best.correlation, tuple(remarks))
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Settings whose thresholds have settled, what they make of the frames, and how like the recording that is."""
+
+    pixels: PixelSettings
+    events: Events
+    correlation: float
+
+
+def _best_bandwidth(
+    pixels: PixelSettings,
+    frames: list[Frame],
+    recorded: tuple[Events, Int64[np.ndarray, " n"]],
+    told: Callable[[float], None],
+) -> tuple[_Trial, dict[float, float]]:
+    """The trial whose voxels correlate best with the recorded ones, and the correlation of each bandwidth."""
+    real, edges = recorded
+    best, tried, waiting = None, dict[float, float](), list(CUTOFFS)
+    while waiting:
+        cutoff = waiting.pop(0)
         # A slow pixel is late by itself: what its time constant makes up is no lag.
         delay = 1e6 / (2 * np.pi * cutoff) if cutoff else 0.0
-        start = best[1] if best else pixels
-        tried = replace(start, cutoff_hz=cutoff, lag_us=max(pixels.lag_us - delay, 0.0))
-        tried, events = _settled(tried, frames, real)
-        alike = voxel_correlation(real, events, edges)
-        if best is None or alike > best[0] + 0.002:
-            best = alike, tried, events
-        told(0.3 + 0.7 * (i + 1) / len(CUTOFFS))
+        start = best.pixels if best else pixels
+        begun = replace(start, cutoff_hz=cutoff, lag_us=max(pixels.lag_us - delay, 0.0))
+        settled, events = _settled(begun, frames, real)
+        tried[cutoff] = voxel_correlation(real, events, edges)
+        if best is None or tried[cutoff] > best.correlation + _BETTER:
+            best = _Trial(settled, events, tried[cutoff])
+        if len(tried) == len(CUTOFFS):
+            at = best.pixels.cutoff_hz
+            waiting = [_NO_LIMIT] if at == 0 else [round(at * _HALF_STEP), round(at / _HALF_STEP)]
+        told(len(tried) / (len(tried) + len(waiting)) if len(tried) >= len(CUTOFFS) else len(tried) / 6)
     assert best is not None
-    seconds = (frames[-1].t - frames[0].t) / 1e6
-    return Twin(best[1], statistics(real, edges, seconds), statistics(best[2], edges, seconds), best[0], tuple(remarks))
+    return best, tried
+
+
+def _hertz(cutoff: float) -> str:
+    return f"{cutoff:g} Hz" if cutoff else "no limit"
 
 
 def statistics(events: Events, edges: Int64[np.ndarray, " n"], seconds: float) -> Statistics:
@@ -127,22 +168,35 @@ def simulated_from_frames(pixels: PixelSettings, frames: list[Frame], seed: int 
 
 def _of_events(fitness: Fitness, recording: Recording) -> tuple[PixelSettings, list[str]]:
     """Settings that the events alone tell, and what frames tell without a trial."""
-    remarks, pixels = list[str](), PixelSettings(sigma_thres=0.03, leak_rate_hz=0.1)
+    pixels = PixelSettings(**_UNMEASURED)
+    remarks = ["assumed, not measured: " + ", ".join(f"{name} {value:g}" for name, value in _UNMEASURED.items())]
     activity, lag, thresholds = fitness.activity, fitness.lag, fitness.thresholds
     if activity is not None:
-        share = len(fitness.hot) / recording.sensor.num_pixels
+        num_hot, share = len(fitness.hot), len(fitness.hot) / recording.sensor.num_pixels
+        seconds = max(recording.span.duration, 1) / 1e6
+        each = sum(pixel.num_events for pixel in fitness.hot) / max(num_hot, 1) / seconds
         pixels = replace(
             pixels,
             shot_noise_rate_hz=round(activity.noise_rate * _NOISE_SHARE, 4),
             refractory_us=round(activity.refractory or 0.0, 1),
             hot_share=round(share, 6),
+            # A simulated hot pixel has 0.2 … 1 of it.
+            hot_hz=round(each / 0.6, 2) if num_hot else pixels.hot_hz,
         )
+        if num_hot:
+            remarks.append(f"{num_hot} hot pixels, {each:.3g} Hz each on average")
         remarks.append(
             f"noise that nothing supports: {activity.noise_rate:.3f} Hz a pixel, a quarter of it taken as shot"
         )
+        remarks.append(
+            "dead time: too few events to measure it; taken as 0"
+            if activity.refractory is None
+            else f"dead time: 1 in 1,000 waits of a pixel is shorter than {activity.refractory:g} µs"
+        )
     if lag is not None:
         pixels = replace(pixels, lag_us=float(max(lag.shift, 0)))
-        remarks.append(f"events follow the frames by {lag.shift / 1000:.0f} ms")
+        used = "" if lag.shift >= 0 else ", which is taken as 0: no sensor is ahead of the light"
+        remarks.append(f"events follow the frames by {lag.shift / 1000:.0f} ms{used}")
     if thresholds is not None and min(thresholds.on, thresholds.off) > 0.01:
         on, off = (float(np.clip(value, 0.02, 4.0)) for value in (thresholds.on, thresholds.off))
         pixels = replace(pixels, pos_thres=on, neg_thres=off)
