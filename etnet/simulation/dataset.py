@@ -31,11 +31,11 @@ def write_dataset(
     progress: Callable[[float], None] | None = None,
     share: tuple[int, int] = (0, 1),
 ) -> tuple[Path, ...]:
-    """Write sequence_00000.h5 … and return the paths of those that are there; what is there already is kept, if its settings are these.
+    """Write sequence_00000.h5 … and return the paths of those that are there.
 
-    Sequence i depends on (pictures, config, seed, i) alone. `progress` hears the fraction done. Of several processes
-    each writes those of its `share` (number, how many processes): they are all of one length. One that another process
-    is at is left to it.
+    What is there already is kept, if its settings are these. Sequence i depends on (pictures, config, seed, i) alone.
+    `progress` hears the fraction done. Of several processes each writes those of its `share` (number, how many
+    processes): they are all of one length. One that another process is at is left to it.
 
     Raises:
         RecordingError: some failed, and are named; all others are there.

@@ -129,17 +129,16 @@ class VideoFootage:
         return f"has {frames} {part}, and is {self._whole:.1f} s long; events need two: choose another part"
 
     def _pictures(self) -> Iterator[av.VideoFrame]:
-        """Decoded, de-interlaced where the first frame is interlaced; ends where the file breaks off."""
-        deinterlace, num_frames = None, 0
+        """Decoded, de-interlaced from the first interlaced frame on; ends where the file breaks off."""
+        deinterlace, num_frames, num_interlaced = None, 0, 0
         if self._framing.start > 1 and self._stream.time_base:
             began = self._stream.start_time or 0
             self._container.seek(began + int(self._framing.start / self._stream.time_base), stream=self._stream)
         try:
             for picture in self._container.decode(self._stream):
-                if num_frames == 0 and picture.interlaced_frame:
+                if deinterlace is None and picture.interlaced_frame:
                     deinterlace = _Deinterlacer(self._stream)
-                    self.remarks.append("interlaced: each field became a frame (bwdif)")
-                num_frames += 1
+                num_frames, num_interlaced = num_frames + 1, num_interlaced + bool(picture.interlaced_frame)
                 yield from [picture] if deinterlace is None else deinterlace.take(picture)
         except (FFmpegError, OSError) as error:
             if num_frames == 0:
@@ -147,6 +146,8 @@ class VideoFootage:
             self.remarks.append(f"breaks off after {num_frames} frames ({_reason(error)}); what came before is used")
         if deinterlace is not None:
             yield from deinterlace.take(None)
+            share = "" if num_interlaced == num_frames else f" ({num_interlaced} of {num_frames} frames are)"
+            self.remarks.append(f"interlaced{share}: each field became a frame (bwdif)")
 
     def _stated_seconds(self) -> float:
         """Length of the part that is seen, as the file states it; at least one frame's."""
@@ -207,12 +208,12 @@ class VideoFootage:
 
 
 class _Deinterlacer:
-    """Makes a frame of each field."""
+    """Makes a frame of each field, and leaves frames that are not interlaced as they are."""
 
     def __init__(self, stream: av.VideoStream) -> None:
         self._graph = Graph()
         source, sink = self._graph.add_buffer(template=stream), self._graph.add("buffersink")
-        bwdif = self._graph.add("bwdif", "mode=send_field")
+        bwdif = self._graph.add("bwdif", "mode=send_field:deint=interlaced")
         source.link_to(bwdif)
         bwdif.link_to(sink)
         self._graph.configure()

@@ -1,5 +1,7 @@
 """A twin is measured of a recording whose sensor is known, because we simulated it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,15 +15,15 @@ SIZE = (96, 72)
 REAL = PixelSettings(pos_thres=0.35, neg_thres=0.25, shot_noise_rate_hz=0.2, refractory_us=500.0)
 
 
-def recorded(with_frames: bool) -> Recording:
-    """All moments of a scene seen by `REAL`, with every 40th as a frame."""
+def recorded(with_frames: bool, sensor: PixelSettings = REAL) -> Recording:
+    """All moments of a scene seen by a sensor, with every 40th as a frame."""
     from etnet.simulation.footage import Frame
     from etnet.simulation.streaming import EventSimulator
     from etnet.simulation.walk import Stepping
 
     scene = KnownScene(3.0, True, SIZE, num_frames=11)
     lights = list(scene.moments())
-    with EventSimulator(REAL.traits, Stepping("off"), 3, threads=1) as simulator:
+    with EventSimulator(sensor.traits, Stepping("off"), 3, threads=1) as simulator:
         shown = (Frame(i * FRAME_US / 40, light) for i, light in enumerate(lights))
         events = Events.concatenate([found for _, found in simulator.run(shown)], Sensor(*SIZE))
     stamps = np.floor(np.arange(11) * FRAME_US).astype(np.int64)
@@ -37,6 +39,27 @@ def test_a_twin_has_the_thresholds_rate_and_share_of_the_real_one():
     assert twin.simulated.on_share == pytest.approx(twin.real.on_share, abs=0.03)
     assert twin.correlation > 0.5
     assert len(list(beside(twin))) == 6
+    told = " ".join(twin.remarks)
+    assert "assumed, not measured: sigma_thres 0.03, leak_rate_hz 0.1" in told
+    assert "taken as linear" in told
+    assert "no limit 0." in told
+
+
+def test_the_dead_time_and_the_noise_of_the_real_one_are_measured():
+    twin = measure_twin(recorded(True))
+    assert REAL.refractory_us <= twin.pixels.refractory_us < 2 * REAL.refractory_us
+    assert REAL.shot_noise_rate_hz / 3 < twin.pixels.shot_noise_rate_hz < 3 * REAL.shot_noise_rate_hz
+    noisy = measure_twin(recorded(True, replace(REAL, shot_noise_rate_hz=2.0)))
+    assert 2.0 / 3 < noisy.pixels.shot_noise_rate_hz < 3 * 2.0
+    assert noisy.pixels.shot_noise_rate_hz > 2 * twin.pixels.shot_noise_rate_hz
+
+
+def test_a_limited_bandwidth_is_found_and_none_where_there_is_none():
+    slow = replace(REAL, cutoff_hz=40.0)
+    found = measure_twin(recorded(True, slow)).pixels
+    assert 25 <= found.cutoff_hz <= 64
+    assert found.pos_thres == pytest.approx(REAL.pos_thres, rel=0.25)
+    assert measure_twin(recorded(True)).pixels.cutoff_hz in (0, 160)
 
 
 def test_without_frames_the_noise_is_measured_and_the_rest_is_said_to_be_assumed():
