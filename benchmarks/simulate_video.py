@@ -2,8 +2,8 @@
 
 `python benchmarks/simulate_video.py [PHOTO …]` (names of scikit-image's photos; default coffee). Each simulator is
 judged against itself on all moments of the scene: EventCV's pixels differ from ours, its own truth does not. Ours is
-`EventSimulator.run` with two threads; each is the fastest of three runs. `…_fps` is wall time, which a busy machine makes
-longer; `…_frames_per_cpu_s` counts the processor seconds of all threads.
+`EventSimulator.run` with two threads; each is the fastest of three runs. `…_fps` is wall time, to which a busy machine
+adds; `…_frames_per_cpu_s` counts the processor seconds of all threads.
 """
 
 import sys

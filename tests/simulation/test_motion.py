@@ -87,9 +87,8 @@ def test_the_number_of_threads_changes_nothing():
 def test_one_by_one_or_in_a_run_the_events_are_the_same():
     scene = KnownScene(3.0, False, (96, 72), num_frames=5)
     with EventSimulator(IDEAL) as simulator:
-        shown = [Frame(i * FRAME_US, light) for i, light in enumerate(lights(scene))]
-        run = [events for _, events in simulator.run(shown)]
-    assert same(run[1:], scene.simulated(AUTO))
+        fed = [simulator.feed(light, i * FRAME_US) for i, light in enumerate(lights(scene))]
+    assert same(fed[1:], scene.simulated(AUTO))
 
 
 def test_the_frames_themselves_are_the_ends_of_the_way():
