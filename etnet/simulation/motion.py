@@ -117,7 +117,7 @@ class Moving:
         return straight + _believed(trust0, trust1) * (blended - straight)
 
 
-def motion_between(before: Level, after: Level, guides: tuple[Guide, Guide], flows: tuple[Flow, Flow]) -> Moving:
+def motion_between(before: Level, after: Level, flows: tuple[Flow, Flow]) -> Moving:
     """Check the two flows against each other and keep what is needed to go from one frame to the next."""
     forward, backward = (_checked(*pair) for pair in (flows, flows[::-1]))
     length = cv2.magnitude(flows[0][..., 0], flows[0][..., 1])

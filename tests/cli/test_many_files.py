@@ -97,7 +97,7 @@ def videos(tmp_path):
     write_film(folder / "one.mkv", drifting(4, 2.0), codec="ffv1", pixels="gray")
     write_film(folder / "two.mkv", drifting(6, 2.0), codec="ffv1", pixels="gray")
     for i, picture in enumerate(drifting(5, 2.0)):
-        cv2.imwrite(str(folder / "pictures" / f"{i:016d}.png"), picture)
+        cv2.imwrite(str(folder / "pictures" / f"{i}.png"), picture)
     return folder
 
 
