@@ -1,7 +1,7 @@
 """Is memory flat? The largest resident size while films of 300 and of 3,000 frames are simulated into a file.
 
-`python benchmarks/simulate_memory.py`. Each film is a process of its own, 160×120 and 4 pixels a frame, seen by a DAVIS346's
-pixels; the recording is written as `etnet simulate` writes it.
+`python benchmarks/simulate_memory.py`. Each film is a process of its own: 160×120, 4 pixels a frame, the pixels of a
+DAVIS346; the recording is written as `etnet simulate` writes it.
 """
 
 import resource
