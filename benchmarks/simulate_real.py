@@ -25,9 +25,10 @@ from etnet.events.recording import GroundTruth, Recording, recording_of_events
 from etnet.nets.weights import load_model
 from etnet.reconstruction import reconstruct
 from etnet.simulation.footage import Frame
-from etnet.simulation.like import measure_twin, simulated_from_frames, statistics, voxel_correlation
+from etnet.simulation.like import measure_twin, statistics
 from etnet.simulation.settings import PixelSettings
 from etnet.simulation.tone import Tone
+from etnet.simulation.trials import simulated_from_frames, voxel_correlation
 from etnet.windows import BetweenFrames
 
 ROUNDS = 6
@@ -62,8 +63,8 @@ def rival_settled(frames: list[Frame], pixels: PixelSettings, real: Events) -> P
     return PixelSettings(**values)
 
 
-def perceived(events: Events, frames: list[Frame], model: torch.nn.Module, judge: torch.nn.Module) -> float:
-    """Mean LPIPS of the reconstruction to the frames, the first five left out."""
+def perceived(events: Events, frames: list[Frame], model: torch.nn.Module, judge: torch.nn.Module) -> float | None:
+    """Mean LPIPS of the reconstruction to the frames, the first five left out; None where there are no more."""
     stamps = np.array([int(frame.t) for frame in frames], np.int64)
     truth = GroundTruth(stamps, lambda i: np.clip(frames[i].light, 0, 1))
     found = []
@@ -72,7 +73,7 @@ def perceived(events: Events, frames: list[Frame], model: torch.nn.Module, judge
         if i >= 5:
             target = torch.from_numpy(np.clip(frames[i + 1].light, 0, 1))[None, None]
             found.append(float(judge(step.frame.float().clamp(0, 1), target)))
-    return float(np.mean(found))
+    return float(np.mean(found)) if found else None
 
 
 def frames_of(recording: Recording, half: int) -> list[Frame]:
@@ -91,7 +92,7 @@ def rows_of(path: Path, model: torch.nn.Module, judge: torch.nn.Module) -> list[
         settings = {"ours": twin.pixels}
         for half, name in enumerate(("tried on", "next half")):
             frames = frames_of(recording, half)
-            if len(frames) < 8:
+            if len(frames) < (8 if half else 3):
                 continue
             edges = np.array([int(frame.t) for frame in frames], np.int64)
             real = recording.read(recording.index_at(int(edges[0])), recording.index_at(int(edges[-1])))

@@ -89,6 +89,27 @@ def write_atomically(path: Path, content: bytes, flushes: bool = True) -> None:
         beside.write_bytes(content)
 
 
+@contextmanager
+def claimed(lock: Path) -> Iterator[bool]:
+    """Whether this process alone works on what `lock` stands for, while the block lasts.
+
+    The file `lock` is made for it, and stays. The claim goes with the process that has it, however it ends.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        # Not a POSIX system: nothing tells whether another process is at it.
+        yield True
+        return
+    with lock.open("w") as claim:
+        try:
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+
+
 def cannot_write(path: Path, error: OSError) -> EtnetError:
     """The error of the system in one line, with what to do."""
     why = error.strerror or str(error)

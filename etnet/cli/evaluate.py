@@ -18,7 +18,7 @@ from etnet.cli.many import Share, this_share
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
-from etnet.files import write_atomically
+from etnet.files import claimed, write_atomically
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges
@@ -36,8 +36,8 @@ class Evaluate:
     """Score every model on every recording. What is done is kept under --out, so that a second call goes on."""
 
     items: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Models (bundled names, .safetensors files) and recordings with ground truth (files, folders, zips), mixed.
-    None at all: the bundled models on the bundled samples."""
+    """Models (bundled names, .safetensors files) and recordings with ground truth (files, folders, zips, and folders of
+    them), mixed. None at all: the bundled models on the bundled samples."""
     protocol: Literal["paper", "evreal"] = "paper"
     """paper: ET-Net's evaluation code. evreal: EVREAL's."""
     out: Path = Path("evaluation")
@@ -78,7 +78,7 @@ def run(config: Evaluate) -> int:
 
     if config.whole and config.part() is not None:
         raise EtnetError("--whole scores all frames, --from and --to some of them; give one of the two")
-    models, recordings = sort_items(config.items) if config.items else _bundled()
+    models, recordings = sort_items(config.items, config.out) if config.items else _bundled()
     jobs = _jobs(config, models, recordings)
     share = this_share()
     mine = _dealt(jobs, share)
@@ -91,13 +91,20 @@ def run(config: Evaluate) -> int:
             continue
         label = f"[{number + 1}/{len(jobs)}] {job.model} on {job.recording.name}"
         try:
-            loaded = loaded if loaded and loaded[0] == job.model else (job.model, _load(job.model, config.device))
-            scores = _score(config, job, loaded[1], judges, label)
+            with claimed(job.target.with_name(f".{job.target.stem}.claim")) as is_ours:
+                if not is_ours:
+                    _say(f"{label}: another process is at it")
+                    continue
+                loaded = loaded if loaded and loaded[0] == job.model else (job.model, _load(job.model, config.device))
+                scores = _score(config, job, loaded[1], judges, label)
             _say(f"{label}: LPIPS {scores.mean('lpips'):.4f}, {scores.num_frames} frames")
-        except EtnetError as error:
-            failures.append(Failure(job.model, job.recording.name, str(error)))
-            _say(f"{label}: failed, {error}")
+        except Exception as error:  # whatever it is, it is this pair's and ends no other
+            said = str(error) if isinstance(error, EtnetError) else f"{type(error).__name__}: {error}"
+            failures.append(Failure(job.model, job.recording.name, said))
+            _say(f"{label}: failed, {said}")
     _write_failures(config.out, share.rank, failures)
+    for failure in failures:
+        _say(f"  {failure.model} on {failure.recording}: {failure.reason}")
     report = _collect(config, jobs)
     if report is None:
         _say("other processes are still at work; the last one writes the report")
@@ -113,8 +120,11 @@ def _dealt(jobs: list[Job], share: Share) -> set[Job]:
     return {by_folder[job.folder] for job in many.dealt(sized, share)}
 
 
-def sort_items(items: tuple[str, ...]) -> tuple[list[str], list[Path]]:
-    """Models and recordings apart: a bundled name, a preset's or a weights file is a model; the rest must exist."""
+def sort_items(items: tuple[str, ...], out: Path) -> tuple[list[str], list[Path]]:
+    """Models and recordings apart: a bundled name, a preset's or a weights file is a model; the rest must exist.
+
+    A folder that is no recording stands for those in it; what lies in `out` is none.
+    """
     from etnet.bundled import models as bundled
     from etnet.nets.presets import PRESETS, UNTRAINED
 
@@ -128,7 +138,13 @@ def sort_items(items: tuple[str, ...]) -> tuple[list[str], list[Path]]:
         raise WeightsError(f"no model among {len(items)} items; name one, e.g. etnet-half")
     if not recordings:
         raise RecordingError(f"no recording among {len(items)} items; name at least one file with ground truth")
-    return models, recordings
+    return models, [found for path in recordings for found in _recordings(path, out)]
+
+
+def _recordings(path: Path, out: Path) -> tuple[Path, ...]:
+    """A folder with one recording among other files is opened as a whole: its pictures may lie beside the events."""
+    found = many.recordings_in((path,), out) if path.is_dir() else (path,)
+    return found if len(found) > 1 else (path,)
 
 
 def _bundled() -> tuple[list[str], list[Path]]:

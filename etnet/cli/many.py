@@ -10,18 +10,19 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from etnet.cli.progress import SAYS_EVERY, console
 from etnet.errors import EtnetError
-from etnet.files import write_atomically
+from etnet.files import claimed, write_atomically
 
 Work = Callable[[Path, Path, Callable[[float], None]], int]
-"""(recording, its output folder, told the fraction done) → frames written. Raises an EtnetError where it fails."""
+"""(recording, its output folder, told the fraction done) → how many frames, or what else there is, were written. Raises
+where it fails."""
 
 DONE, FAILED, CLAIM = "done.json", "failed.txt", ".claim"
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy", "metadata.yaml")
@@ -61,11 +62,13 @@ def this_share(environment: Mapping[str, str] = os.environ) -> Share:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One recording, the folder that its output goes to, and its size, by which work is dealt."""
+    """One recording or video, the folder that its output goes to, and its size, by which work is dealt."""
 
     path: Path
     folder: Path
     nbytes: int
+    mtime_ns: int = 0
+    """When it was changed last."""
 
 
 def recordings_in(paths: Sequence[Path], out: Path) -> tuple[Path, ...]:
@@ -86,11 +89,13 @@ def recordings_in(paths: Sequence[Path], out: Path) -> tuple[Path, ...]:
 
 def jobs_of(recordings: Sequence[Path], out: Path) -> tuple[Job, ...]:
     """One job a recording. Where two have one name, a part of the hash of their paths tells their folders apart."""
-    stems = [path.stem if path.is_file() else path.name for path in recordings]
+    stems = [path.stem if path.is_file() else re.sub(r"[*?\[\]]+", "_", path.name) for path in recordings]
     jobs = []
     for path, stem in zip(recordings, stems, strict=True):
         mark = "" if stems.count(stem) == 1 else f"-{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:6]}"
-        jobs.append(Job(path, out / f"{stem}{mark}", nbytes_of(path)))
+        statuses = [file.stat() for file in _files_of(path)]
+        newest = max((status.st_mtime_ns for status in statuses), default=0)
+        jobs.append(Job(path, out / f"{stem}{mark}", sum(status.st_size for status in statuses), newest))
     return tuple(jobs)
 
 
@@ -107,7 +112,10 @@ def dealt(jobs: Sequence[Job], share: Share) -> tuple[Job, ...]:
 
 @dataclass
 class Remaining:
-    """How long the rest takes, from what was done so far: bytes at the mean speed since the start."""
+    """How long the rest takes, from what was done so far: bytes at the mean speed since the start.
+
+    What another process is at, and what it had finished meanwhile, is taken off the total.
+    """
 
     total: int
     clock: Callable[[], float] = time.monotonic
@@ -123,11 +131,13 @@ class Remaining:
         return None if done <= 0 else (self.clock() - self.started) * (self.total - done) / done
 
 
-def run_many(jobs: Sequence[Job], share: Share, settings: str, work: Work, anew: bool = False) -> int:
+def run_many(
+    jobs: Sequence[Job], share: Share, settings: str, work: Work, anew: bool = False, counts: str = "frames"
+) -> int:
     """Do this process's part of `jobs`; 1 when any of it failed, and the failures are named at the end.
 
     A job that was finished with the same `settings` is not done again, unless all are to be done `anew`; one that
-    another process is at is left to it.
+    another process is at is left to it. `counts` is what `work`'s number is called.
     """
     mine = dealt(jobs, share)
     for job in mine if anew else ():
@@ -137,19 +147,25 @@ def run_many(jobs: Sequence[Job], share: Share, settings: str, work: Work, anew:
     remaining, failures = Remaining(sum(max(job.nbytes, 1) for job in waiting)), []
     for number, job in enumerate(waiting, start=1):
         label = f"[{number}/{len(waiting)}] {job.path.name}"
+        nbytes, is_worked = max(job.nbytes, 1), True
         try:
-            with _claimed(job) as is_ours:
+            job.folder.mkdir(parents=True, exist_ok=True)
+            with claimed(job.folder / CLAIM) as is_ours:
+                is_worked = is_ours and not is_done(job, settings)
                 if not is_ours:
                     _say(f"{label}: another process is at it")
-                elif not is_done(job, settings):
-                    frames = work(job.path, job.folder, _Telling(label, job, remaining))
-                    _finish(job, settings, frames)
+                elif is_worked:
+                    counted = work(job.path, job.folder, _Telling(label, job, remaining))
+                    _finish(job, settings, {counts: counted})
         except Exception as error:  # whatever it is, it is this recording's and ends no other
             said = str(error) if isinstance(error, EtnetError) else f"{type(error).__name__}: {error}"
             failures.append((job, said))
             _note_failure(job, said)
             _say(f"{label}: failed, {said}")
-        remaining.done += max(job.nbytes, 1)
+        if not is_worked:
+            remaining.total -= nbytes
+            continue
+        remaining.done += nbytes
         rest = remaining.seconds()
         if rest is not None and number < len(waiting):
             _say(f"{label}: done; all of this process's in about {in_words(rest)}")
@@ -166,7 +182,12 @@ def is_done(job: Job, settings: str) -> bool:
         done = json.loads((job.folder / DONE).read_bytes())
     except (OSError, ValueError):
         return False
-    return isinstance(done, dict) and done.get("settings") == settings and done.get("bytes") == job.nbytes
+    wanted = _sign_of(job, settings)
+    return isinstance(done, dict) and all(done.get(name) == value for name, value in wanted.items())
+
+
+def _sign_of(job: Job, settings: str) -> dict[str, str | int]:
+    return {"bytes": job.nbytes, "mtime_ns": job.mtime_ns, "settings": settings}
 
 
 def in_words(seconds: float) -> str:
@@ -192,33 +213,14 @@ class _Telling:
         _say(f"{self._label}: {fraction:.0%}{when}")
 
 
-@contextmanager
-def _claimed(job: Job) -> Generator[bool]:
-    """Whether this process alone works on the job. The lock goes with the process that held it, however it ends."""
-    job.folder.mkdir(parents=True, exist_ok=True)
-    try:
-        import fcntl
-    except ImportError:
-        # Not a POSIX system: nothing tells whether another process is at it.
-        yield True
-        return
-    with (job.folder / CLAIM).open("w") as claim:
-        try:
-            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            yield False
-            return
-        yield True
-
-
 def _note_failure(job: Job, said: str) -> None:
     with contextlib.suppress(OSError):
         (job.folder / FAILED).write_text(f"{said}\n")
 
 
-def _finish(job: Job, settings: str, frames: int) -> None:
+def _finish(job: Job, settings: str, counted: Mapping[str, int]) -> None:
     (job.folder / FAILED).unlink(missing_ok=True)
-    done = {"recording": job.path.name, "bytes": job.nbytes, "frames": frames, "settings": settings}
+    done = {"recording": job.path.name, **counted, **_sign_of(job, settings)}
     write_atomically(job.folder / DONE, (json.dumps(done, indent=1) + "\n").encode())
 
 
@@ -240,9 +242,15 @@ def _recordings_below(path: Path, out: Path) -> list[Path]:
 
 
 def nbytes_of(path: Path) -> int:
-    """The bytes of a file, or of all files below a folder."""
-    files = [path] if path.is_file() else [each for each in path.rglob("*") if each.is_file()]
-    return sum(each.stat().st_size for each in files)
+    """The bytes of a file, of all files below a folder, or of those of a pattern."""
+    return sum(each.stat().st_size for each in _files_of(path))
+
+
+def _files_of(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    found = path.rglob("*") if path.is_dir() else path.parent.glob(path.name)
+    return [each for each in found if each.is_file()]
 
 
 def _say(line: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -80,13 +80,24 @@ def write_with_progress(
     *,
     span: tuple[int, int] | None = None,
     overwrite: bool,
-) -> None:
-    """Write events start … stop − 1 with a bar; then say how many, and what was assumed, repaired or left out."""
+    told: Callable[[float], None] | None = None,
+) -> int:
+    """Write events start … stop − 1 with a bar; then say what was assumed, repaired or left out, and how many they are.
+
+    `told` hears the fraction done, beside the bar.
+    """
     stop = recording.num_events if stop is None else stop
-    with fraction_callback(f"writing {path.name}") as progress:
+    with fraction_callback(f"writing {path.name}") as bar:
+
+        def progress(share: float) -> None:
+            bar(share)
+            if told is not None:
+                told(share)
+
         remarks = write_recording(
             recording, path, layout, start=start, stop=stop, span=span, overwrite=overwrite, progress=progress
         )
     for remark in (*recording.remarks, *remarks):
         console.print(f"  {remark}", markup=False, soft_wrap=True, style="dim")
     console.print(f"{path}: {stop - start:,} events of {recording.sensor}", markup=False, soft_wrap=True)
+    return stop - start

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import tyro
 
+from etnet.cli.filming import Filming, given_options
 from etnet.cli.many import this_share
 from etnet.cli.progress import console, fraction_callback
-from etnet.cli.simulate_video import Filming, run_video
+from etnet.cli.simulate_video import Filmed, run_video
 from etnet.errors import EtnetError
 from etnet.simulation.config import SceneConfig, SensorConfig, SequenceConfig
 from etnet.simulation.dataset import write_dataset
@@ -22,11 +23,11 @@ class Simulate:
     """Let pictures move before a modelled event sensor and write what it sees (event_utils HDF5, with frames and flow).
 
     Finished files are kept: the same command goes on where it was stopped. With --video the sensor sees a
-    video, pictures or a photo instead, and OUT is one file of any format that we write.
+    video, pictures or a photo instead, and OUT is one file of any format that we write; of several videos, a folder.
     """
 
     out: tyro.conf.Positional[Path]
-    """Folder for sequence_00000.h5, sequence_00001.h5 …; with --video the file to write."""
+    """Folder for sequence_00000.h5, sequence_00001.h5 …; with --video the file to write, or the folder of several."""
     photos: Path | None = None
     """Folder of photos (.jpg, .png, .webp)."""
     cutouts: Path | None = None
@@ -35,8 +36,9 @@ class Simulate:
     """How many recordings."""
     seconds: float | None = None
     """Length of each, 10 by default; with --motion that of the motion, 0.3 by default."""
-    size: tuple[int, int] = (256, 256)
-    """Width and height in pixels."""
+    size: tuple[int, int] | None = None
+    """Width and height in pixels, 256×256 by default; with --video the pictures are cut to this shape, by default those
+    of the camera or of the pictures."""
     fps: float | None = None
     """Frames a second of the ordinary camera, 25 by default; of a folder of pictures, that they were taken at."""
     seed: int = 0
@@ -57,7 +59,7 @@ class Simulate:
     @property
     def sequence(self) -> SequenceConfig:
         """One recording: all windows of one length, as a camera's frames are."""
-        width, height = self.size
+        width, height = self.size or (256, 256)
         fps, seconds = self.fps or 25.0, self.seconds or 10.0
         return SequenceConfig(
             size=(height, width),
@@ -72,12 +74,15 @@ class Simulate:
 
 def run(config: Simulate) -> int:
     """Write the recordings; 0 when all are there."""
-    if config.filming.video is not None:
+    if config.filming.video:
         if config.photos is not None:
             raise EtnetError("--photos and --video do not go together; give one of them")
-        return run_video(config.filming, config.out, config.seed, config.fps, config.seconds or 0.3)
+        _refuse_of_photos(config)
+        return run_video(config.filming, config.out, Filmed(config.seed, config.size, config.fps, config.seconds))
     if config.photos is None:
         raise EtnetError("there is nothing to simulate: give --photos FOLDER, or --video FILE")
+    if foreign := given_options(config.filming):
+        raise EtnetError(f"{', '.join(foreign)}: of --video, not of --photos; leave it out")
     with fraction_callback("pictures") as progress:
         pictures = PicturePool.from_folder(config.photos, config.cutouts, config.split, progress=progress)
     with fraction_callback("recordings") as progress:
@@ -86,3 +91,17 @@ def run(config: Simulate) -> int:
         paths = write_dataset(*what, progress, (share.rank, share.size))
     console.print(f"{len(paths)} recordings in {config.out}")
     return 0
+
+
+def _refuse_of_photos(config: Simulate) -> None:
+    """What decides about scenes made of photos says nothing of a video."""
+    given = {
+        "--cutouts": config.cutouts is not None,
+        "--num": config.num != Simulate.num,
+        "--split": config.split != Simulate.split,
+        "--no-flow": not config.flow,
+        "--scene.…": config.scene != SceneConfig(),
+        "--sensor.…": config.sensor != SensorConfig(),
+    }
+    if foreign := [name for name, is_given in given.items() if is_given]:
+        raise EtnetError(f"{', '.join(foreign)}: of --photos, not of --video; leave it out")

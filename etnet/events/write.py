@@ -54,6 +54,17 @@ def layout_of(path: Path, layout: Layout | None = None) -> Layout:
     return chosen
 
 
+def names_layout(path: Path) -> bool:
+    """Whether the suffix alone names a layout."""
+    return path.suffix.lower() in _SUFFIXES
+
+
+def suffix_of(layout: Layout) -> str:
+    """The suffix of a file in this layout; empty for a folder."""
+    others: dict[Layout, str] = {"dsec": ".h5", "mvsec": ".hdf5", "rpg": ""}
+    return others.get(layout) or next((suffix for suffix, known in _SUFFIXES.items() if known == layout), "")
+
+
 def check_place(path: Path, layout: Layout, overwrite: bool) -> None:
     """An error if nothing can be written there: it is there already, or is nothing that a file may replace.
 

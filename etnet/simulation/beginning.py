@@ -6,11 +6,11 @@ under another setting begins with the pixels' work alone. It is the same film to
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from threading import Lock
 from typing import Any, NamedTuple
 
-from etnet.simulation.footage import Footage, Frame
+from etnet.simulation.footage import Frame
 
 SECONDS = 2.0
 MOST_BYTES = 192 << 20
@@ -39,7 +39,7 @@ class Beginning:
         with self._lock:
             return len(self._frames)
 
-    def frames(self, footage: Footage) -> Iterator[Frame]:
+    def frames(self, footage: Iterable[Frame]) -> Iterator[Frame]:
         """All frames of the footage: those that are kept at once, the others as they are decoded.
 
         The footage is always read from its first frame on, so that it tells the same of itself.

@@ -9,13 +9,13 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Shaped
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.simulation.arrays import light_of
 from etnet.simulation.footage import Frame, Framing
-from etnet.simulation.picture_folder import read_picture
+from etnet.simulation.picture_file import assumed_tone, colour_of, read_picture
 from etnet.simulation.tone import Tone
 
 Motion = Literal["saccades", "drift"]
@@ -44,21 +44,29 @@ class PhotoInMotion:
         seconds: float = 0.3,
         reach: float = 10.0,
         seed: int = 0,
+        tone: Tone | None = None,
+        has_colour: bool = False,
     ) -> None:
-        self.name, self.remarks, self.tone, framing = photo.name, list[str](), Tone("srgb"), framing or Framing()
+        """`tone` None: light itself where values are floats, else sRGB; which of the two is told."""
+        self.name, self.remarks, framing = photo.name, list[str](), framing or Framing()
         if not photo.is_file():
             raise RecordingError(f"{photo.name}: there is no such picture")
         picture = read_picture(photo)
+        self.tone = tone or assumed_tone(picture, self.remarks)
         self.bits = 8 if picture.dtype == np.uint8 else 16
-        light = light_of(picture, self.tone)
-        left, top, wide, high = framing.crop or (0, 0, light.shape[1], light.shape[0])
-        light = np.ascontiguousarray(np.rot90(light[top : top + high, left : left + wide], -(framing.rotate // 90)))
-        self._path = _path(motion, seconds, reach, seed)
+        left, top, wide, high = framing.cropped(picture.shape[1], picture.shape[0], self.name)
+        turned = np.rot90(picture[top : top + high, left : left + wide], -(framing.rotate // 90))
+        picture = np.ascontiguousarray(turned)
+        light = light_of(picture, self.tone, self.name)
+        self._path = _part(_path(motion, seconds, reach, seed), framing, self.name)
         self._path[:, 0] /= framing.speed
         margin = 0.0 if isinstance(motion, Path) else 2 * reach
-        self.sensor, self._scale = _fit(light, framing, margin, self.name)
-        smaller = (max(1, round(light.shape[1] / self._scale)), max(1, round(light.shape[0] / self._scale)))
-        self._light = cv2.resize(light, smaller, interpolation=cv2.INTER_AREA) if self._scale > 1 else light
+        self.sensor, scale = _fit(light, framing, margin, self.name)
+        self._light, self._colour = _shrunk(light, scale), None
+        if has_colour and picture.ndim == 2:
+            self.remarks.append("the photo is grey: there is no colour to store")
+        elif has_colour:
+            self._colour = _shrunk(colour_of(picture), scale)
         self.duration = float(self._path[-1, 0] - self._path[0, 0])
         way = float(np.hypot(*np.diff(self._path[:, 1:3], axis=0).T).sum())
         side = max(self.sensor.width, self.sensor.height) / 2
@@ -72,20 +80,32 @@ class PhotoInMotion:
         start, stride = self._path[0, 0], max(1, round(1e6 / STORED_PER_SECOND / self.interval))
         for i, t in enumerate(np.linspace(0, self.duration, self._num_frames)):
             x, y, degrees, zoom = (float(np.interp(start + t, self._path[:, 0], self._path[:, i])) for i in range(1, 5))
-            light = self._view(x, y, math.radians(degrees), zoom)
-            yield Frame(t * 1e6, light, is_stored=i % stride == 0 or i == self._num_frames - 1)
+            matrix = self._placed(x, y, math.radians(degrees), zoom)
+            is_stored = i % stride == 0 or i == self._num_frames - 1
+            colour = self._view(self._colour, matrix) if self._colour is not None and is_stored else None
+            yield Frame(t * 1e6, self._view(self._light, matrix), colour, is_stored=is_stored)
 
     def close(self) -> None:
         """Nothing to give back."""
 
-    def _view(self, x: float, y: float, turn: float, zoom: float) -> np.ndarray:
+    def _placed(self, x: float, y: float, turn: float, zoom: float) -> Float64[np.ndarray, "2 3"]:
+        """From the sensor's pixels to the photo's."""
         width, height = self.sensor.width, self.sensor.height
         cos, sin = math.cos(turn) / zoom, math.sin(turn) / zoom
         u, v = (width - 1) / 2, (height - 1) / 2
         centre_x, centre_y = (self._light.shape[1] - 1) / 2 + x, (self._light.shape[0] - 1) / 2 + y
-        matrix = np.array([[cos, -sin, centre_x - cos * u + sin * v], [sin, cos, centre_y - sin * u - cos * v]])
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return cv2.warpAffine(self._light, matrix, (width, height), flags=flags, borderMode=cv2.BORDER_REFLECT_101)
+        return np.array([[cos, -sin, centre_x - cos * u + sin * v], [sin, cos, centre_y - sin * u - cos * v]])
+
+    def _view(self, picture: Shaped[np.ndarray, "_ _ *c"], matrix: Float64[np.ndarray, "2 3"]) -> np.ndarray:
+        size, flags = (self.sensor.width, self.sensor.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return cv2.warpAffine(picture, matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT_101)
+
+
+def _shrunk(picture: Shaped[np.ndarray, "_ _ *c"], scale: float) -> np.ndarray:
+    if scale <= 1:
+        return picture
+    size = max(1, round(picture.shape[1] / scale)), max(1, round(picture.shape[0] / scale))
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
 
 
 def _fit(light: np.ndarray, framing: Framing, margin: float, name: str) -> tuple[Sensor, float]:
@@ -99,6 +119,16 @@ def _fit(light: np.ndarray, framing: Framing, margin: float, name: str) -> tuple
         return sensor, scale
     scale = max(1.0, max(width, height) / (framing.longest_side + margin))
     return Sensor(max(8, int(width / scale - margin)), max(8, int(height / scale - margin))), scale
+
+
+def _part(path: Float64[np.ndarray, "n 5"], framing: Framing, name: str) -> Float64[np.ndarray, "m 5"]:
+    """The path from `start` to `stop`, in seconds since its beginning."""
+    seconds = path[:, 0] - path[0, 0]
+    start, stop = framing.start, seconds[-1] if framing.stop is None else min(framing.stop, seconds[-1])
+    if start >= stop:
+        raise RecordingError(f"{name}: its motion takes {seconds[-1]:g} s; nothing of it is left from {start:g} s on")
+    t = np.concatenate([[start], seconds[(seconds > start) & (seconds < stop)], [stop]])
+    return np.stack([t, *(np.interp(t, seconds, path[:, i]) for i in range(1, 5))], 1)
 
 
 def _path(motion: Motion | Path, seconds: float, reach: float, seed: int) -> Float64[np.ndarray, "n 5"]:

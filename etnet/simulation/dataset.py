@@ -10,11 +10,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from etnet.errors import RecordingError
+from etnet.errors import EtnetError, RecordingError
+from etnet.files import claimed
 from etnet.simulation.config import SequenceConfig
 from etnet.simulation.pictures import PicturePool
 from etnet.simulation.sequence import simulate_sequence
 from etnet.simulation.write import take_of, write_take
+
+MOST_NAMED = 10
+"""Failures that the error at the end names."""
 
 
 def write_dataset(
@@ -27,36 +31,80 @@ def write_dataset(
     progress: Callable[[float], None] | None = None,
     share: tuple[int, int] = (0, 1),
 ) -> tuple[Path, ...]:
-    """Write sequence_00000.h5 … and return their paths; what is there already is kept, if its settings are these.
+    """Write sequence_00000.h5 … and return the paths of those that are there.
 
-    Sequence i depends on (pictures, config, seed, i) alone. `progress` hears the fraction done. Of several processes
-    each writes those of its `share` (number, how many processes): they are all of one length.
+    What is there already is kept, if its settings are these. Sequence i depends on (pictures, config, seed, i) alone.
+    `progress` hears the fraction done. Of several processes each writes those of its `share` (number, how many
+    processes): they are all of one length. One that another process is at is left to it.
+
+    Raises:
+        RecordingError: some failed, and are named; all others are there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / f"sequence_{i:05d}.h5" for i in range(num_sequences))
     settings = json.dumps({"seed": seed, "flow": with_flow, "config": asdict(config)}, sort_keys=True)
     rank, num_processes = share
     mine = range(rank, num_sequences, num_processes)
+    for path in paths:
+        _refuse_other_settings(path, settings)
+    failures = []
     for number, i in enumerate(mine, start=1):
-        path = paths[i]
-        if path.exists():
-            _check_settings(path, settings)
-        else:
-            sequence = simulate_sequence(pictures, config, np.random.default_rng([seed, i]))
-            drawn = json.dumps(asdict(sequence.drawn), sort_keys=True)
-            attributes = {"source": "etnet.simulation", "settings": settings, "index": i, "drawn": drawn}
-            write_take(path, take_of(sequence, with_flow), attributes)
+        try:
+            _write_one(paths[i], pictures, config, (seed, i), with_flow, settings)
+        except Exception as error:  # whatever it is, it is this sequence's and ends no other
+            named = error if isinstance(error, EtnetError) else f"{paths[i]}: {type(error).__name__}: {error}"
+            failures.append(str(named))
         if progress is not None:
             progress(number / len(mine))
-    return tuple(paths[i] for i in mine)
+    if failures:
+        counted = f"{len(failures)} of {len(mine)} sequences failed: " if len(mine) > 1 else ""
+        more = f"; and {len(failures) - MOST_NAMED} more" if len(failures) > MOST_NAMED else ""
+        raise RecordingError(counted + "; ".join(failures[:MOST_NAMED]) + more)
+    return tuple(paths[i] for i in mine if paths[i].exists())
 
 
-def _check_settings(path: Path, settings: str) -> None:
+def _write_one(
+    path: Path,
+    pictures: PicturePool,
+    config: SequenceConfig,
+    seed: tuple[int, int],
+    with_flow: bool,
+    settings: str,
+) -> None:
+    """One sequence, if it is not there; `seed` ends in its number."""
+    lock = path.with_name(f".{path.stem}.claim")
+    with claimed(lock) as is_ours:
+        if not is_ours:
+            return
+        try:
+            if path.exists():
+                _check_readable(path)
+                return
+            sequence = simulate_sequence(pictures, config, np.random.default_rng(list(seed)))
+            drawn = json.dumps(asdict(sequence.drawn), sort_keys=True)
+            attributes = {"source": "etnet.simulation", "settings": settings, "index": seed[1], "drawn": drawn}
+            write_take(path, take_of(sequence, with_flow), attributes)
+        finally:
+            # Whoever comes next finds the sequence, or writes the same one.
+            lock.unlink(missing_ok=True)
+
+
+def _check_readable(path: Path) -> None:
+    try:
+        h5py.File(path, "r").close()
+    except OSError as slip:
+        raise RecordingError(f"{path}: not a readable HDF5 file ({slip}); remove it to simulate it again") from slip
+
+
+def _refuse_other_settings(path: Path, settings: str) -> None:
+    """Before anything is written, so that no folder ever holds sequences of two kinds."""
+    if not path.exists():
+        return
     try:
         with h5py.File(path, "r") as file:
             found = file.attrs.get("settings")
-    except OSError as slip:
-        raise RecordingError(f"{path}: not a readable HDF5 file ({slip}); remove it to simulate it again") from slip
+    except OSError:
+        return  # said when its turn comes
     if found != settings:
         raise RecordingError(
             f"{path}: was simulated with other settings or another seed; name an empty folder, or the same settings"

@@ -9,7 +9,6 @@ from itertools import chain
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 from av.error import BlockingIOError as NotYet
 from av.error import EOFError as Over
@@ -19,6 +18,7 @@ from jaxtyping import Float32, Shaped, UInt8
 
 from etnet.errors import RecordingError
 from etnet.simulation.footage import Frame, Framing
+from etnet.simulation.repeats import is_same, told_repeats
 from etnet.simulation.tone import Curve, Tone, light_table
 
 _CURVES: dict[int, Curve] = dict.fromkeys((1, 6, 14, 15), "bt709")
@@ -28,9 +28,6 @@ _GAMMAS = {4: 2.2, 5: 2.8}
 _FULL = 2
 _UNEVEN = 1.5
 """A longest interval so many times the shortest is told."""
-
-_SAME_MEAN, _SAME_MOST = 0.25, 16
-"""Steps of 8 bits, on average and at most, by which a repeated frame may differ."""
 _TAIL = 0.25
 """Seconds by which the last frame may come before the stated end."""
 
@@ -132,17 +129,16 @@ class VideoFootage:
         return f"has {frames} {part}, and is {self._whole:.1f} s long; events need two: choose another part"
 
     def _pictures(self) -> Iterator[av.VideoFrame]:
-        """Decoded, de-interlaced where the first frame is interlaced; ends where the file breaks off."""
-        deinterlace, num_frames = None, 0
+        """Decoded, de-interlaced from the first interlaced frame on; ends where the file breaks off."""
+        deinterlace, num_frames, num_interlaced = None, 0, 0
         if self._framing.start > 1 and self._stream.time_base:
             began = self._stream.start_time or 0
             self._container.seek(began + int(self._framing.start / self._stream.time_base), stream=self._stream)
         try:
             for picture in self._container.decode(self._stream):
-                if num_frames == 0 and picture.interlaced_frame:
+                if deinterlace is None and picture.interlaced_frame:
                     deinterlace = _Deinterlacer(self._stream)
-                    self.remarks.append("interlaced: each field became a frame (bwdif)")
-                num_frames += 1
+                num_frames, num_interlaced = num_frames + 1, num_interlaced + bool(picture.interlaced_frame)
                 yield from [picture] if deinterlace is None else deinterlace.take(picture)
         except (FFmpegError, OSError) as error:
             if num_frames == 0:
@@ -150,6 +146,8 @@ class VideoFootage:
             self.remarks.append(f"breaks off after {num_frames} frames ({_reason(error)}); what came before is used")
         if deinterlace is not None:
             yield from deinterlace.take(None)
+            share = "" if num_interlaced == num_frames else f" ({num_interlaced} of {num_frames} frames are)"
+            self.remarks.append(f"interlaced{share}: each field became a frame (bwdif)")
 
     def _stated_seconds(self) -> float:
         """Length of the part that is seen, as the file states it; at least one frame's."""
@@ -199,13 +197,7 @@ class VideoFootage:
             self.remarks.append(f"turned upright by {self._turns * 90}°, as the file says")
 
     def _tell_counts(self, num_frames: int, num_repeats: int, num_dropped: int, shortest: float, longest: float):
-        if num_repeats:
-            done = "left out" if self._drops_repeats else "kept as they are; --drop-repeats leaves them out"
-            total = num_frames + (num_repeats if self._drops_repeats else 0)
-            self.remarks.append(
-                f"{num_repeats} of {total} frames repeat the one before (telecine, a screen recording, or a scene "
-                f"that rests): {done}"
-            )
+        self.remarks += told_repeats(num_repeats, num_frames, self._drops_repeats)
         if num_dropped:
             self.remarks.append(f"{num_dropped} frames whose time does not come after the one before were left out")
         if longest > _UNEVEN * shortest:
@@ -215,25 +207,13 @@ class VideoFootage:
             )
 
 
-def is_same(one: Shaped[np.ndarray, "h w"], other: Shaped[np.ndarray, "h w"], bits: int) -> bool:
-    """Whether a frame repeats another, up to what an encoder changes when it stores the same picture again.
-
-    Mean and largest difference of code values count, in steps of 8 bits. A scene that moves or fades ever so little
-    changes more: a whole step in a quarter of the picture is a mean of .25, and an edge goes through many steps.
-    """
-    step = 1 << (bits - 8)
-    if cv2.norm(one, other, cv2.NORM_INF) > _SAME_MOST * step:
-        return False
-    return cv2.norm(one, other, cv2.NORM_L1) < _SAME_MEAN * step * one.size
-
-
 class _Deinterlacer:
-    """Makes a frame of each field."""
+    """Makes a frame of each field, and leaves frames that are not interlaced as they are."""
 
     def __init__(self, stream: av.VideoStream) -> None:
         self._graph = Graph()
         source, sink = self._graph.add_buffer(template=stream), self._graph.add("buffersink")
-        bwdif = self._graph.add("bwdif", "mode=send_field")
+        bwdif = self._graph.add("bwdif", "mode=send_field:deint=interlaced")
         source.link_to(bwdif)
         bwdif.link_to(sink)
         self._graph.configure()

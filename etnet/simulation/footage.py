@@ -82,13 +82,19 @@ class Framing:
         if self.rotate % 90:
             raise RecordingError(f"rotate is {self.rotate}; it takes 0, 90, 180 or 270 degrees")
         if self.start < 0 or (self.stop is not None and self.stop <= self.start):
-            raise RecordingError(f"the part is {self.start:g} … {self.stop:g} s; wanted two ascending times from 0 on")
+            until = "the end" if self.stop is None else f"{self.stop:g} s"
+            raise RecordingError(f"the part is {self.start:g} s … {until}; wanted two ascending times from 0 on")
 
-    def box(self, width: int, height: int, name: str) -> tuple[int, int, int, int]:
-        """The part of an upright picture that is used: left, top, width, height."""
+    def cropped(self, width: int, height: int, name: str) -> tuple[int, int, int, int]:
+        """The part of an upright picture that was asked for: left, top, width, height."""
         left, top, wide, high = self.crop or (0, 0, width, height)
         if not (0 <= left < left + wide <= width and 0 <= top < top + high <= height):
             raise RecordingError(f"{name}: its pictures are {width}×{height}; a crop of {self.crop} leaves them")
+        return left, top, wide, high
+
+    def box(self, width: int, height: int, name: str) -> tuple[int, int, int, int]:
+        """The part of it that falls on the sensor: what was asked for, cut to the sensor's shape."""
+        left, top, wide, high = self.cropped(width, height, name)
         if self.size is not None:
             across, down = self.size if self.rotate % 180 == 0 else self.size[::-1]
             fit = min(wide / across, high / down)

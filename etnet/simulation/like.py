@@ -14,22 +14,18 @@ import numpy as np
 from jaxtyping import Int64
 
 from etnet.errors import RecordingError
-from etnet.events.events import Events, Sensor
+from etnet.events.events import Events
 from etnet.events.fitness import Fitness, measure_fitness
 from etnet.events.recording import GroundTruth, Recording
 from etnet.simulation.footage import Frame
 from etnet.simulation.settings import PixelSettings
-from etnet.simulation.streaming import EventSimulator
 from etnet.simulation.tone import Tone
-from etnet.simulation.walk import Stepping
-from etnet.voxel import voxel_array
+from etnet.simulation.trials import Recorded, best_trial
 
 TRIAL_FRAMES = 25
 """Frames of the recording that the trials go over, from its middle."""
-ROUNDS = 4
-"""Trials after which the thresholds have settled."""
-CUTOFFS = (0.0, 100.0, 40.0, 15.0)
-"""Bandwidths that are tried, Hz; 0 is no limit."""
+_UNMEASURED = {"sigma_thres": 0.03, "leak_rate_hz": 0.1}
+"""What no measurement tells: values of a DAVIS (Brandli et al. 2014, Nozaki and Delbruck 2017)."""
 _NOISE_SHARE = 0.25
 """Of what nothing near supports, so much is called shot noise: an edge's first event has no support either."""
 
@@ -72,25 +68,26 @@ def measure_twin(
         fitness = found
         told(0.3 * share)
     pixels, remarks = _of_events(fitness, recording)
-    frames = _trial_frames(recording, tone or Tone("linear"))
+    tone = tone or Tone("linear")
+    frames = _trial_frames(recording, tone)
     if frames is None:
         remarks.append("it has no frames to try them on: thresholds and bandwidth are assumed")
+        if fitness.activity is not None:
+            remarks.append("a quarter of what nothing supports is taken as shot noise")
         return Twin(pixels, None, None, None, tuple(remarks))
-    real, edges = _real_events(recording, frames)
-    best: tuple[float, PixelSettings, Events] | None = None
-    for i, cutoff in enumerate(CUTOFFS):
-        # A slow pixel is late by itself: what its time constant makes up is no lag.
-        delay = 1e6 / (2 * np.pi * cutoff) if cutoff else 0.0
-        start = best[1] if best else pixels
-        tried = replace(start, cutoff_hz=cutoff, lag_us=max(pixels.lag_us - delay, 0.0))
-        tried, events = _settled(tried, frames, real)
-        alike = voxel_correlation(real, events, edges)
-        if best is None or alike > best[0] + 0.002:
-            best = alike, tried, events
-        told(0.3 + 0.7 * (i + 1) / len(CUTOFFS))
-    assert best is not None
-    seconds = (frames[-1].t - frames[0].t) / 1e6
-    return Twin(best[1], statistics(real, edges, seconds), statistics(best[2], edges, seconds), best[0], tuple(remarks))
+    remarks.append(f"tried on {len(frames)} of its frames, which are taken as {tone}")
+    recorded = _recorded(recording, frames)
+    best, tried = best_trial(pixels, recorded, lambda share: told(0.3 + 0.7 * share))
+    found = ", ".join(f"{_hertz(cutoff)} {alike:.3f}" for cutoff, alike in sorted(tried.items()))
+    remarks.append(f"bandwidth: of those tried, the one whose voxels correlate best ({found})")
+    remarks.append("shot noise: so much that as many events have none near them as in the recording")
+    remarks.append(f"lag: {best.pixels.lag_us / 1000:.1f} ms, with which the voxels correlate best")
+    both = (statistics(events, recorded.edges, recorded.seconds) for events in (recorded.events, best.events))
+    return Twin(best.pixels, *both, best.correlation, tuple(remarks))
+
+
+def _hertz(cutoff: float) -> str:
+    return f"{cutoff:g} Hz" if cutoff else "no limit"
 
 
 def statistics(events: Events, edges: Int64[np.ndarray, " n"], seconds: float) -> Statistics:
@@ -106,43 +103,35 @@ def statistics(events: Events, edges: Int64[np.ndarray, " n"], seconds: float) -
     return Statistics(rate, share, float(np.mean(active)), low, middle, high)
 
 
-def voxel_correlation(real: Events, simulated: Events, edges: Int64[np.ndarray, " n"]) -> float:
-    """Mean correlation of the two's voxel grids, window by window."""
-    found = []
-    cuts = [np.searchsorted(events.t, edges).tolist() for events in (real, simulated)]
-    for (a, b), (c, d) in zip(pairwise(cuts[0]), pairwise(cuts[1]), strict=True):
-        one, other = voxel_array(real[a:b]).ravel(), voxel_array(simulated[c:d]).ravel()
-        if one.any() and other.any():
-            found.append(float(np.corrcoef(one, other)[0, 1]))
-    return float(np.mean(found)) if found else 0.0
-
-
-def simulated_from_frames(pixels: PixelSettings, frames: list[Frame], seed: int = 0) -> Events:
-    """What a sensor with these settings sees of the frames."""
-    height, width = frames[0].light.shape
-    with EventSimulator(pixels.traits, Stepping(), seed) as simulator:
-        parts = [events for _, events in simulator.run(frames)]
-    return Events.concatenate(parts, Sensor(width, height))
-
-
 def _of_events(fitness: Fitness, recording: Recording) -> tuple[PixelSettings, list[str]]:
     """Settings that the events alone tell, and what frames tell without a trial."""
-    remarks, pixels = list[str](), PixelSettings(sigma_thres=0.03, leak_rate_hz=0.1)
+    pixels = PixelSettings(**_UNMEASURED)
+    remarks = ["assumed, not measured: " + ", ".join(f"{name} {value:g}" for name, value in _UNMEASURED.items())]
     activity, lag, thresholds = fitness.activity, fitness.lag, fitness.thresholds
     if activity is not None:
-        share = len(fitness.hot) / recording.sensor.num_pixels
+        num_hot, share = len(fitness.hot), len(fitness.hot) / recording.sensor.num_pixels
+        seconds = max(recording.span.duration, 1) / 1e6
+        each = sum(pixel.num_events for pixel in fitness.hot) / max(num_hot, 1) / seconds
         pixels = replace(
             pixels,
             shot_noise_rate_hz=round(activity.noise_rate * _NOISE_SHARE, 4),
             refractory_us=round(activity.refractory or 0.0, 1),
             hot_share=round(share, 6),
+            # A simulated hot pixel has 0.2 … 1 of it.
+            hot_hz=round(each / 0.6, 2) if num_hot else pixels.hot_hz,
         )
+        if num_hot:
+            remarks.append(f"{num_hot} hot pixels, {each:.3g} Hz each on average")
+        remarks.append(f"noise that nothing supports: {activity.noise_rate:.3f} Hz a pixel")
         remarks.append(
-            f"noise that nothing supports: {activity.noise_rate:.3f} Hz a pixel, a quarter of it taken as shot"
+            "dead time: too few events to measure it; taken as 0"
+            if activity.refractory is None
+            else f"dead time: 1 in 1,000 waits of a pixel is shorter than {activity.refractory:g} µs"
         )
     if lag is not None:
         pixels = replace(pixels, lag_us=float(max(lag.shift, 0)))
-        remarks.append(f"events follow the frames by {lag.shift / 1000:.0f} ms")
+        used = "" if lag.shift >= 0 else ", which is taken as 0: no sensor is ahead of the light"
+        remarks.append(f"events follow the frames by {lag.shift / 1000:.0f} ms{used}")
     if thresholds is not None and min(thresholds.on, thresholds.off) > 0.01:
         on, off = (float(np.clip(value, 0.02, 4.0)) for value in (thresholds.on, thresholds.off))
         pixels = replace(pixels, pos_thres=on, neg_thres=off)
@@ -166,28 +155,12 @@ def _inside(recording: Recording, truth: GroundTruth) -> list[int]:
     return np.flatnonzero(is_inside & (np.diff(truth.stamps, prepend=truth.stamps[0] - 1) > 0)).tolist()
 
 
-def _real_events(recording: Recording, frames: list[Frame]) -> tuple[Events, Int64[np.ndarray, " n"]]:
+def _recorded(recording: Recording, frames: list[Frame]) -> Recorded:
     edges = np.array([int(frame.t) for frame in frames], np.int64)
     events = recording.read(recording.index_at(int(edges[0])), recording.index_at(int(edges[-1])))
     if len(events) == 0:
         raise RecordingError(f"{recording.name}: no events lie between its frames; a twin cannot be measured of it")
-    return events, edges
-
-
-def _settled(pixels: PixelSettings, frames: list[Frame], real: Events) -> tuple[PixelSettings, Events]:
-    """Thresholds at which as many ON and OFF events come as in the recording."""
-    wanted = [max(int((real.p == sign).sum()), 1) for sign in (1, -1)]
-    events = simulated_from_frames(pixels, frames)
-    for _ in range(ROUNDS):
-        got = [max(int((events.p == sign).sum()), 1) for sign in (1, -1)]
-        # The two drive each other (an ON event moves the level that the next OFF event starts from): go half the way.
-        on, off = (
-            float(np.clip(value * (have / want) ** 0.6, 0.02, 4.0))
-            for value, have, want in zip((pixels.pos_thres, pixels.neg_thres), got, wanted, strict=True)
-        )
-        pixels = replace(pixels, pos_thres=on, neg_thres=off)
-        events = simulated_from_frames(pixels, frames)
-    return pixels, events
+    return Recorded(frames, events, edges)
 
 
 def beside(twin: Twin) -> Iterator[tuple[str, str, str]]:

@@ -42,7 +42,7 @@ class Search:
     descents: int
 
 
-SEARCHES = ((10_000, Search(0, 8, 3, 8, 8)), (120_000, Search(1, 10, 4, 8, 5)), (10**9, Search(1, 12, 6, 5, 8)))
+SEARCHES = ((10_000, Search(0, 8, 3, 8, 8)), (120_000, Search(1, 8, 3, 8, 5)), (10**9, Search(1, 12, 6, 5, 8)))
 """By the pixels of a picture up to which each is taken: what costs least for its error (`docs/simulation.md`)."""
 
 
@@ -88,6 +88,47 @@ class Checked:
 
 
 @dataclass(frozen=True, eq=False)
+class Field:
+    """The same on a grid of its own, `scale` times as coarse, with flow in that grid's pixels."""
+
+    flow: Flow
+    trust: Level
+    scale: int
+
+    @staticmethod
+    def of(checked: Checked) -> Field:
+        """Flow that was searched for at half the size says nothing finer."""
+        height, width = checked.trust.shape
+        scale = 1 << _search_for(checked.trust).finest
+        if scale == 1:
+            return Field(checked.flow, checked.trust, 1)
+        size = -(-width // scale), -(-height // scale)
+        edges = 0, size[1] * scale - height, 0, size[0] * scale - width
+        flow, trust = (
+            cv2.resize(cv2.copyMakeBorder(one, *edges, cv2.BORDER_REPLICATE), size, interpolation=cv2.INTER_AREA)
+            for one in (checked.flow, checked.trust)
+        )
+        return Field(flow / np.float32(scale), trust, scale)
+
+    def places(self, share: float) -> tuple[Flow, Level]:
+        """How far from each place of the moment between its source lies (in the picture's pixels), and how far that is
+        believed. One step of a fixed point."""
+        grid = _grid(*self.trust.shape)
+        place = cv2.addWeighted(grid, 1.0, self.flow, share, 0)
+        found = cv2.remap(self.flow, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+        place = cv2.addWeighted(grid, 1.0, found, share, 0)
+        trust = cv2.remap(self.trust, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+        return found * np.float32(share * self.scale), trust
+
+    def at_full_size(self, one: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        """Something on this grid, on that of the picture (width, height)."""
+        if self.scale == 1:
+            return one
+        whole = one.shape[1] * self.scale, one.shape[0] * self.scale
+        return cv2.resize(one, whole, interpolation=cv2.INTER_LINEAR)[: size[1], : size[0]]
+
+
+@dataclass(frozen=True, eq=False)
 class Moving:
     """Both frames moved along the flow to a moment between, and blended. Build it with `motion_between`."""
 
@@ -95,39 +136,44 @@ class Moving:
     after: Level
     forward: Checked
     backward: Checked
+    fields: tuple[Field, Field]
     motion: float
     failed: float
 
     @property
     def num_bytes(self) -> int:
         """Memory beyond that of the two frames."""
-        return sum(one.flow.nbytes + one.trust.nbytes for one in (self.forward, self.backward))
+        kept = (self.forward, self.backward, *(field for field in self.fields if field.scale > 1))
+        return sum(one.flow.nbytes + one.trust.nbytes for one in kept)
 
     def level(self, share: float) -> Level:
         """Each source weighs by its nearness in time and by whether its pixel is seen in the other frame."""
-        rest = 1.0 - share
-        place0, trust0 = _places(self.forward, -share)
-        place1, trust1 = _places(self.backward, -rest)
-        moved0 = cv2.remap(self.before, place0, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
-        moved1 = cv2.remap(self.after, place1, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+        rest, field = 1.0 - share, self.fields[0]
+        (way0, trust0), (way1, trust1) = self.fields[0].places(-share), self.fields[1].places(-rest)
         weight0 = (trust0 + np.float32(_FAITH)) * np.float32(rest)
         weight1 = (trust1 + np.float32(_FAITH)) * np.float32(share)
-        blended = (weight0 * moved0 + weight1 * moved1) / (weight0 + weight1)
+        believed, size = _believed(trust0, trust1), self.before.shape[::-1]
+        way0, way1, share0, believed = (
+            field.at_full_size(one, size) for one in (way0, way1, weight0 / (weight0 + weight1), believed)
+        )
+        moved0, moved1 = _moved(self.before, way0), _moved(self.after, way1)
+        blended = moved1 + share0 * (moved0 - moved1)
         straight = cv2.addWeighted(self.before, rest, self.after, share, 0)
-        return straight + _believed(trust0, trust1) * (blended - straight)
+        return straight + believed * (blended - straight)
 
 
-def motion_between(before: Level, after: Level, guides: tuple[Guide, Guide], flows: tuple[Flow, Flow]) -> Moving:
+def motion_between(before: Level, after: Level, flows: tuple[Flow, Flow]) -> Moving:
     """Check the two flows against each other and keep what is needed to go from one frame to the next."""
     forward, backward = (_checked(*pair) for pair in (flows, flows[::-1]))
     length = cv2.magnitude(flows[0][..., 0], flows[0][..., 1])
     failed = float(np.mean(1 - _believed(forward.trust, backward.trust)))
-    return Moving(before, after, forward, backward, float(np.quantile(length, 0.995)), failed)
+    fields = Field.of(forward), Field.of(backward)
+    return Moving(before, after, forward, backward, fields, float(np.quantile(length, 0.995)), failed)
 
 
 def flow_between(first: Guide, second: Guide) -> Flow:
     """Dense flow from the first picture to the second, in pixels."""
-    search = next(search for most, search in SEARCHES if first.size <= most)
+    search = _search_for(first)
     finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     finder.setFinestScale(search.finest)
     finder.setPatchSize(search.patch)
@@ -170,17 +216,17 @@ def _believed(trust0: Level, trust1: Level) -> Level:
     return np.minimum(np.maximum(trust0, trust1) * np.float32(_ENOUGH), np.float32(1))
 
 
-def _places(checked: Checked, share: float) -> tuple[Flow, Level]:
-    """Where each pixel of the moment between comes from, and how far that is believed. One step of a fixed point."""
-    grid, flow = _grid(*checked.trust.shape), checked.flow
-    place = cv2.addWeighted(grid, 1.0, flow, share, 0)
-    found = cv2.remap(flow, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
-    place = cv2.addWeighted(grid, 1.0, found, share, 0)
-    trust = cv2.remap(checked.trust, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
-    return place, trust
+def _moved(level: Level, way: Flow) -> Level:
+    """Each pixel from so far away."""
+    place = _grid(*level.shape) + way
+    return cv2.remap(level, place, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
 
 
-@lru_cache(maxsize=4)
+def _search_for(picture: Level | Guide) -> Search:
+    return next(search for most, search in SEARCHES if picture.size <= most)
+
+
+@lru_cache(maxsize=8)
 def _grid(height: int, width: int) -> Flow:
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     return np.stack([x, y], 2)

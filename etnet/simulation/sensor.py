@@ -149,24 +149,24 @@ class PixelArray:
         elapsed: float,
     ) -> Crossings:
         reference = self.reference.reshape(-1)
-        step = threshold.reshape(-1)[pixel]
+        step, held = threshold.reshape(-1)[pixel], reference[pixel]
         # In float64, for the stamps; all further arrays are as short as the list of pixels that fire.
         start, end = before.reshape(-1)[pixel].astype(np.float64), after.reshape(-1)[pixel].astype(np.float64)
-        already = p * (start - reference[pixel])
+        already = p * (start - held)
         rise = np.maximum(p * (end - start), 1e-12)
-        count = (p * (end - reference[pixel]) / step).astype(np.int64)
+        count = (p * (end - held) / step).astype(np.int64)
         pixels, stamps = [], []
         for k in range(1, int(count.max(initial=0)) + 1):
             has_k = count >= k
             pixel_k, share = pixel[has_k], (k * step[has_k] - already[has_k]) / rise[has_k]
-            t = self._t + np.clip(share, 0.0, 1.0) * elapsed
+            t = self._t + np.minimum(np.maximum(share, 0.0), 1.0) * elapsed
             if self._traits.refractory_us > 0:
                 is_ready = t - self._last[pixel_k] >= self._traits.refractory_us
                 pixel_k, t = pixel_k[is_ready], t[is_ready]
                 self._last[pixel_k] = t
             pixels.append(pixel_k)
             stamps.append(t)
-        reference[pixel] += (p * count * step).astype(np.float32)
+        reference[pixel] = held + (p * count * step).astype(np.float32)
         where = np.concatenate(pixels) if pixels else np.empty(0, np.int64)
         when = np.concatenate(stamps) if stamps else np.empty(0)
         return Crossings(where, when, np.full(len(where), p, np.int8))

@@ -20,7 +20,7 @@ class RecordingSink:
     def __init__(self, file: h5py.File, sensor: Sensor) -> None:
         self.num_events, self.num_frames, self.last = 0, 0, 0
         self._file, self._sensor = file, sensor
-        self._num_positive, self._num_flows, self._first = 0, 0, 0
+        self.num_flows, self._num_positive, self._first = 0, 0, 0
         kinds = {"xs": np.int16, "ys": np.int16, "ts": np.float64, "ps": np.bool_}
         self._columns = {
             name: file.create_dataset(
@@ -63,7 +63,7 @@ class RecordingSink:
         data = self._compressed(f"flow/flow{self.num_frames - 1:09d}", (flow / seconds).astype(np.float32))
         data.attrs["size"], data.attrs["timestamp"] = flow.shape, np.floor(t) * 1e-6
         data.attrs["event_idx"], data.attrs["unit"] = max(self.num_events - 1, 0), "px/s"
-        self._num_flows += 1
+        self.num_flows += 1
 
     def finish(self, attributes: Mapping[str, str | int | float]) -> None:
         """Write what readers of this layout look for first, and how it was made."""
@@ -75,7 +75,7 @@ class RecordingSink:
         found["t0"], found["tk"] = self._first * 1e-6, self.last * 1e-6
         found["duration"] = (self.last - self._first) * 1e-6
         found["sensor_resolution"] = (self._sensor.height, self._sensor.width)
-        found["num_imgs"], found["num_flow"] = self.num_frames, self._num_flows
+        found["num_imgs"], found["num_flow"] = self.num_frames, self.num_flows
         for name, value in attributes.items():
             found[name] = value
 

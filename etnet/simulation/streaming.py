@@ -80,6 +80,7 @@ class EventSimulator:
         self._pixels: PixelArray | None = None
         self._noise: Noise | None = None
         self._held: list[Crossings] = []
+        self._exposed: deque[tuple[float, float, Float32[np.ndarray, "h w"]]] = deque()
 
     def feed(self, light: Float32[np.ndarray, "h w"], t: float, starts_scene: bool = False) -> Events:
         """Show the next frame (linear light, 1 is white; `t` in µs, ascending): the events since the one before."""
@@ -103,6 +104,7 @@ class EventSimulator:
         if passage.is_cut:
             account.cuts.append(frame.t)
             account.num_cuts += 1
+            self._exposed.clear()
             self._pixels.restart(frame.light, frame.t, self._rng)
             found = []
         else:
@@ -133,15 +135,19 @@ class EventSimulator:
 
     def _look_on(self, pixels: PixelArray, passage: Passage) -> list[Crossings]:
         found = list[Crossings]()
-        collected, num_collected, opens = np.zeros_like(passage.frame.light), 0, passage.frame.t - self._exposure_us
+        opens, before = passage.frame.t - self._exposure_us, passage.begins or 0.0
         for t, level in passage.steps:
             crossings = pixels.expose_level(level, t)
             found.append(crossings._replace(t=crossings.t + self.traits.lag_us))
             if t > opens:
-                collected += cv2.exp(level) - np.float32(self.traits.dark)
-                num_collected += 1
-        if num_collected:
-            self.camera = collected / np.float32(num_collected)
+                self._exposed.append((t, t - before, cv2.exp(level) - np.float32(self.traits.dark)))
+            before = t
+        # An exposure may be longer than the way from one frame to the next, of fast films and of photos in motion.
+        while self._exposed and self._exposed[0][0] <= opens:
+            self._exposed.popleft()
+        if self._exposed:
+            spans = np.array([span for _, span, _ in self._exposed], np.float32)
+            self.camera = np.tensordot(spans / spans.sum(), np.stack([light for _, _, light in self._exposed]), 1)
         return found
 
     def _due(self, found: list[Crossings], t: float, sensor: Sensor) -> Events:

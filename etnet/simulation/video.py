@@ -29,6 +29,9 @@ from etnet.simulation.walk import Stepping
 _NOISY = SensorTraits(0.0, 0.0, mismatch=0.05, leak_hz=0.2, shot_hz=2.0, hot_share=0.0005, hot_hz=30.0)
 """What `noise` = 1 adds: a mediocre real sensor in ordinary light."""
 
+GAMMA = 2.2
+"""Tone of a video that states none."""
+
 
 @dataclass(frozen=True, slots=True)
 class VideoConfig:
@@ -49,7 +52,7 @@ class VideoConfig:
     stepping: Stepping = Stepping()  # noqa: RUF009  (frozen)
     cutoff_hz: float = 0.0
     """Bandwidth of a white pixel; 0 is no limit. `pixels` replaces it, too."""
-    gamma: float = 2.2
+    gamma: float = GAMMA
     """Tone of a video that states none."""
     drops_repeats: bool = False
     has_colour: bool = False
@@ -70,11 +73,13 @@ class VideoConfig:
             raise RecordingError(f"cutoff is {self.cutoff_hz:g} Hz; it takes 0 (no limit) or more")
         if not 0.3 <= self.gamma <= 5:
             raise RecordingError(f"gamma is {self.gamma:g}; it takes 0.3 to 5")
-        if self.exposure_us < 0 or not 0 <= self.frame_noise <= 1:
+        if not 0 <= self.exposure_us <= 1e6 or not 0 <= self.frame_noise <= 1:
             raise RecordingError(
-                f"exposure is {self.exposure_us:g} µs, noise of the frames {self.frame_noise:g}; wanted 0 or more, and "
+                f"exposure is {self.exposure_us:g} µs, noise of the frames {self.frame_noise:g}; wanted 0 to 1 s, and "
                 "a share of white"
             )
+        if self.has_colour and (self.exposure_us or self.frame_noise):
+            raise RecordingError("frames in colour are stored as they come, without exposure or noise; leave one out")
         _ = self.seen
 
     @property
@@ -227,9 +232,11 @@ def simulated(
             before = frame.t
             yield Shown(index, int(np.floor(frame.t)), sink.num_events, sink.last)
         sink.append(simulator.finish())
+        if config.has_flow and not sink.num_flows:
+            footage.remarks.append("no motion was looked for, so that there is no flow to store")
         traits = config.traits
         footage.remarks += simulator.account.sentences(min(traits.threshold_on, traits.threshold_off))
-    known = {**config.as_attributes, **(attributes or {})}
+    known = {**config.as_attributes, "tone": str(footage.tone), **(attributes or {})}
     sink.finish(
         {
             **known,

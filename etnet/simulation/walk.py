@@ -18,6 +18,7 @@ from etnet.simulation.footage import Frame
 from etnet.simulation.motion import (
     SMALLEST_SIDE,
     Between,
+    Flow,
     Guide,
     Level,
     Moving,
@@ -119,7 +120,7 @@ class Walk:
     def to(self, frame: Frame) -> Passage:
         """The passage to one more frame. Its steps are computed as they are taken, and must all be."""
         look, before = self._look(frame), self._before
-        pair = None if before is None else self._pair(before, look)
+        pair = None if before is None else self._pair(before, look, is_waited_for=True)
         self._before = look
         return self._passage(before, look, pair)
 
@@ -153,8 +154,12 @@ class Walk:
             self._beginning.keep(frame, "look", self._dark, look, look.level.nbytes + look.guide.nbytes)
         return look
 
-    def _pair(self, before: _Look, after: _Look) -> Callable[[], Between]:
-        """Begin to look for motion; the answer is there when it is called."""
+    def _pair(self, before: _Look, after: _Look, is_waited_for: bool = False) -> Callable[[], Between]:
+        """Begin to look for motion; the answer is there when it is called.
+
+        Where somebody waits for it, the two directions are looked for side by side; else one thread does all of a pair,
+        and another one of the next.
+        """
         is_small = min(before.level.shape) < SMALLEST_SIDE
         if self._stepping.interpolate == "off" or is_small or after.frame.is_cut:
             return lambda: Straight(before.level, after.level)
@@ -162,15 +167,15 @@ class Walk:
         if known is not None:
             return lambda: known
         guides = before.guide, after.guide
-        there = self._ask(flow_between, *guides)
-        back = self._ask(flow_between, *guides[::-1])
+        if not is_waited_for:
+            return self._ask(lambda: self._motion(before, after, (flow_between(*guides), flow_between(*guides[::-1]))))
+        there, back = self._ask(flow_between, *guides), self._ask(flow_between, *guides[::-1])
+        return lambda: self._motion(before, after, (there(), back()))
 
-        def found() -> Between:
-            between = motion_between(before.level, after.level, guides, (there(), back()))
-            self._beginning.keep(after.frame, "motion", self._dark, between, between.num_bytes)
-            return between
-
-        return found
+    def _motion(self, before: _Look, after: _Look, flows: tuple[Flow, Flow]) -> Between:
+        between = motion_between(before.level, after.level, flows)
+        self._beginning.keep(after.frame, "motion", self._dark, between, between.num_bytes)
+        return between
 
     def _ask(self, call: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Callable[[], T]:
         """Begin a computation; the answer is there when it is called."""

@@ -65,6 +65,51 @@ def test_a_recording_that_cannot_be_scored_is_a_failure_with_a_name_and_the_rest
     assert report(folder)["failures"] == []
 
 
+def test_whatever_goes_wrong_with_one_pair_is_named_and_the_rest_is_done(folder: Path, monkeypatch, capsys) -> None:
+    from etnet.evaluation import evaluate as module
+
+    scored = module.evaluate
+
+    def fails_at_one(model, recording, *more, **named):
+        if recording.name == "one":
+            raise MemoryError("no room")
+        return scored(model, recording, *more, **named)
+
+    monkeypatch.setattr(module, "evaluate", fails_at_one)
+    assert evaluate(folder, "mine.safetensors", "one.h5", "two.h5") == 1
+    written = report(folder)
+    assert [failure[2] for failure in written["failures"]] == ["MemoryError: no room"]
+    assert len(written["scores"]) == 1
+    named = f"  {folder / 'mine.safetensors'} on one.h5: MemoryError: no room"
+    assert named in capsys.readouterr().err.splitlines()
+
+
+def test_a_folder_stands_for_the_recordings_in_it(folder: Path) -> None:
+    (folder / "in" / "deep").mkdir(parents=True)
+    (folder / "one.h5").rename(folder / "in" / "one.h5")
+    (folder / "two.h5").rename(folder / "in" / "deep" / "two.h5")
+    assert evaluate(folder, "mine.safetensors", "in") == 0
+    assert sorted(entry["recording"] for entry in report(folder)["scores"]) == ["one", "two"]
+
+
+def test_a_pair_that_another_process_is_at_is_left_to_it(folder: Path, monkeypatch, capsys) -> None:
+    from etnet.evaluation import evaluate as module
+
+    scored, inner = module.evaluate, []
+
+    def meanwhile(*arguments, **named):
+        if not inner:
+            inner.append(0)
+            inner.append(evaluate(folder, "mine.safetensors", "one.h5"))
+        return scored(*arguments, **named)
+
+    monkeypatch.setattr(module, "evaluate", meanwhile)
+    assert evaluate(folder, "mine.safetensors", "one.h5") == 0
+    assert inner == [0, 0]
+    assert "another process is at it" in capsys.readouterr().err
+    assert len(report(folder)["scores"]) == 1
+
+
 @pytest.mark.parametrize("names", [("RANK", "WORLD_SIZE"), ("SLURM_PROCID", "SLURM_NTASKS")])
 def test_two_processes_share_the_pairs_and_the_last_writes_the_report(folder: Path, monkeypatch, names) -> None:
     rank, size = names

@@ -16,6 +16,7 @@ from etnet.cli.many import Job, Remaining, Share, dealt, in_words, is_done, jobs
 from etnet.errors import EtnetError
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
+from etnet.files import claimed
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
 from tests.strategies import make_events
@@ -123,6 +124,7 @@ def test_a_file_that_changed_is_done_again(tmp_path):
     run_many((job,), Share(), "s", lambda *_: 1)
     assert is_done(job, "s")
     assert not is_done(Job(job.path, job.folder, 6), "s")
+    assert not is_done(Job(job.path, job.folder, 5, mtime_ns=1), "s")
     (job.folder / many.DONE).write_text("{")
     assert not is_done(job, "s")
 
@@ -137,6 +139,32 @@ def test_two_processes_never_work_on_one_recording(tmp_path, capsys):
     assert run_many(jobs, Share(), "s", work) == 0
     assert inner == [0]
     assert "another process is at it" in capsys.readouterr().err
+
+
+def test_what_another_process_does_is_no_work_of_this_one(tmp_path, monkeypatch, capsys):
+    jobs, now = _jobs(tmp_path, [1000, 10, 10]), 0.0
+    monkeypatch.setattr(many, "Remaining", lambda total: Remaining(total, lambda: now))
+
+    def work(path: Path, folder: Path, told) -> int:
+        nonlocal now
+        now += 60
+        return 1
+
+    jobs[0].folder.mkdir(parents=True)
+    with claimed(jobs[0].folder / many.CLAIM):
+        assert run_many(jobs, Share(), "s", work) == 0
+    said = capsys.readouterr().err
+    assert "[1/3] 0.h5: another process is at it" in said
+    assert "[2/3] 1.h5: done; all of this process's in about 60 s" in said
+
+
+def test_a_file_that_is_written_anew_is_done_again_though_its_size_is_the_same(tmp_path):
+    path = _write(tmp_path / "a.h5", 50)
+    (first,) = jobs_of([path], tmp_path / "out")
+    run_many((first,), Share(), "s", lambda *_: 1)
+    assert is_done(jobs_of([path], tmp_path / "out")[0], "s")
+    os.utime(path, ns=(1, path.stat().st_mtime_ns + 1))
+    assert not is_done(jobs_of([path], tmp_path / "out")[0], "s")
 
 
 def test_the_time_that_the_rest_takes_holds_at_a_steady_speed():

@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 
 from etnet.events.events import Events, Sensor
+from etnet.simulation.footage import Frame
 from etnet.simulation.sensor import PixelArray, SensorTraits, events_of
 from etnet.simulation.streaming import EventSimulator
-from etnet.simulation.tone import Tone
+from etnet.simulation.tone import Tone, light_table
 from etnet.simulation.walk import Stepping
 from etnet.voxel import voxel_array
 
@@ -75,14 +76,16 @@ class KnownScene:
                 crossings = []
         return found
 
+    def shown(self) -> Iterator[Frame]:
+        """The film as light, by the table that a video's codes go through."""
+        light = light_table(Tone("srgb"), 8, is_limited=False)
+        for i, frame in enumerate(self.film):
+            yield Frame(i * FRAME_US, light[frame])
+
     def simulated(self, stepping: Stepping, threads: int = 2) -> list[Events]:
         """What our simulator makes of the film."""
         with EventSimulator(IDEAL, stepping, 0, threads) as simulator:
-            found = [
-                simulator.feed(Tone("srgb").light(frame / 255).astype(np.float32), i * FRAME_US)
-                for i, frame in enumerate(self.film)
-            ]
-        return found[1:]
+            return [events for _, events in simulator.run(self.shown())][1:]
 
     def _light(self, path: float) -> np.ndarray:
         width, height = self.size

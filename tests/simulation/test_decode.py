@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 from etnet.errors import RecordingError
+from etnet.events.open import open_recording
 from etnet.simulation.decode import VideoFootage
 from etnet.simulation.footage import Framing
 from etnet.simulation.tone import Tone
+from etnet.simulation.video import VideoConfig, simulate_footage
 from tests.simulation.films import drifting, write_film
 
 
@@ -48,17 +50,37 @@ def test_a_turned_film_stands_upright(tmp_path):
     assert said(footage, "turned upright")
 
 
-def test_interlaced_fields_become_frames_and_it_is_said(tmp_path):
+def interlaced(path, fields, begins=0.0, is_top_first=True):
+    """A film of 25 frames a second, each of two fields of 1/50 s."""
+    is_first = (np.arange(48) % 2 == (0 if is_top_first else 1))[:, None]
+    woven = [np.where(is_first, first, second) for first, second in zip(fields[::2], fields[1::2], strict=True)]
+    stamps = [begins + i / 25 for i in range(len(woven))]
+    order = "" if is_top_first else ":bff=1"
+    return write_film(path, woven, stamps, options={"x264-params": f"interlaced=1{order}", "crf": "6"})
+
+
+@pytest.mark.parametrize("is_top_first", [True, False])
+def test_interlaced_fields_become_frames_in_their_order_and_it_is_said(tmp_path, is_top_first):
     fields = drifting(24, speed=3.0)
-    is_even = (np.arange(48) % 2 == 0)[:, None]
-    woven = [np.where(is_even, fields[2 * i + 1], fields[2 * i]) for i in range(12)]
-    path = write_film(tmp_path / "tv.mp4", woven, 25.0, options={"x264-params": "interlaced=1", "crf": "6"})
-    footage, frames = watched(path)
-    assert said(footage, "interlaced")
+    footage, frames = watched(interlaced(tmp_path / "tv.mp4", fields, is_top_first=is_top_first))
+    assert said(footage, "interlaced: each field")
     assert np.allclose(np.diff([frame.t for frame in frames]), 20_000, atol=1)
     middle = frames[4:20]
     error = [np.abs(codes(footage, frame) - fields[i]).mean() for i, frame in enumerate(middle, start=4)]
     assert max(error) < 3  # the waves move by 3 pixels from field to field: one field off would be 15
+
+
+def test_a_film_that_is_interlaced_from_its_middle_on_is_de_interlaced_there(tmp_path):
+    plain, fields = drifting(10, speed=3.0), drifting(24, speed=3.0)
+    first = write_film(tmp_path / "a.ts", plain, [i / 25 for i in range(10)], options={"crf": "6"})
+    second = interlaced(tmp_path / "b.ts", fields, begins=0.4)
+    (tmp_path / "both.ts").write_bytes(first.read_bytes() + second.read_bytes())
+    footage, frames = watched(tmp_path / "both.ts")
+    assert said(footage, "(12 of 22 frames are): each field became a frame")
+    stamps = np.array([frame.t for frame in frames]) / 1e6
+    assert np.allclose(np.diff(stamps[:9]), 0.04, atol=1e-3)
+    assert np.allclose(np.diff(stamps[12:30]), 0.02, atol=1e-3)
+    assert np.abs(codes(footage, frames[20]) - fields[10]).mean() < 3
 
 
 @pytest.mark.parametrize(
@@ -154,6 +176,24 @@ def test_a_film_that_breaks_off_is_used_up_to_there_and_said(tmp_path):
     (tmp_path / "half.mp4").write_bytes(content[: len(content) // 50])
     with pytest.raises(RecordingError, match=r"half.mp4: (cannot be read|holds 0 frames)"):
         watched(tmp_path / "half.mp4")
+
+
+def test_a_film_of_one_frame_is_one_line(tmp_path):
+    path = write_film(tmp_path / "one.mp4", drifting(1))
+    with pytest.raises(RecordingError, match=r"one.mp4: holds 1 frame that can be read; events need two"):
+        watched(path)
+
+
+def test_a_cut_in_a_film_starts_the_sensor_anew_and_is_said(tmp_path):
+    first, second = drifting(8, 2.0, (96, 72)), [255 - picture // 4 for picture in drifting(8, 2.0, (96, 72))]
+    path = write_film(tmp_path / "cut.mp4", first + second, options={"crf": "10"})
+    footage = VideoFootage(path)
+    written = simulate_footage(footage, tmp_path / "cut.h5", VideoConfig(noise=0.0))
+    assert any("1 cut, at 0.27 s: the sensor starts again" in text for text in written.remarks)
+    with open_recording(tmp_path / "cut.h5") as recording:
+        t = recording.read(0, recording.num_events).t
+    before, over, after = (((t >= a) & (t < a + 33_333)).sum() for a in (200_000, 233_334, 266_667))
+    assert over == 0 < min(before, after)
 
 
 def test_what_holds_no_picture_is_one_line(tmp_path):

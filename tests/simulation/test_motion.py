@@ -56,7 +56,7 @@ def test_the_mean_of_two_flows_that_agree_errs_less_than_either():
     guides = tuple(guide_of(light) for light in lights(scene))
     levels = tuple(np.log(light + np.float32(0.01)) for light in lights(scene))
     there, back = flow_between(*guides), flow_between(*guides[::-1])
-    between = motion_between(*levels, guides, (there, back))
+    between = motion_between(*levels, (there, back))
     seen = between.forward.trust > 0.9
 
     def error(flow):
@@ -87,15 +87,14 @@ def test_the_number_of_threads_changes_nothing():
 def test_one_by_one_or_in_a_run_the_events_are_the_same():
     scene = KnownScene(3.0, False, (96, 72), num_frames=5)
     with EventSimulator(IDEAL) as simulator:
-        shown = [Frame(i * FRAME_US, light) for i, light in enumerate(lights(scene))]
-        run = [events for _, events in simulator.run(shown)]
-    assert same(run[1:], scene.simulated(AUTO))
+        fed = [simulator.feed(light, i * FRAME_US) for i, light in enumerate(lights(scene))]
+    assert same(fed[1:], scene.simulated(AUTO))
 
 
 def test_the_frames_themselves_are_the_ends_of_the_way():
     first, second = (cv2.log(light + np.float32(0.01)) for light in lights(KnownScene(4.0, num_frames=2)))
     guides = tuple(guide_of(cv2.exp(level)) for level in (first, second))
-    between = motion_between(first, second, guides, (flow_between(*guides), flow_between(*guides[::-1])))
+    between = motion_between(first, second, (flow_between(*guides), flow_between(*guides[::-1])))
     assert np.abs(between.level(1e-6) - first).max() < 0.01
     assert np.abs(between.level(1 - 1e-6) - second).max() < 0.01
 
