@@ -380,10 +380,10 @@ class Session:
             self._engine.request(self._visitor, request, self._hear)
         self._comparing.ask(runs)
         jobs = jobs_of(state, request, moment, runs, self._views, self._num_seen)
-        if self._is_moving() or state.is_playing:
-            self._studying.keep(jobs)
+        if self._follows():
+            self._studying.follow(jobs, state.index)
         else:
-            self._studying.want(jobs)
+            (self._studying.keep if self._is_moving() or state.is_playing else self._studying.want)(jobs)
 
     def _hear(self, reply: Reply) -> None:
         """A frame that is at hand comes back while it is asked for: it is drawn with this push, not with the next."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
+from app.catalogue.live import is_live_id
 from app.catalogue.recording_id import listed_id
 from app.catalogue.recordings import CatalogueError
 from app.catalogue.visitor import VisitorCatalogue
@@ -145,6 +146,8 @@ class Visit:
             return state
         except CatalogueError:
             why = "Its recording is not among those that can be opened here."
+            if is_live_id(linked.recording_id):
+                why = "It was seen live, by a viewer that has ended. What was recorded of it can be opened as a file."
             self._refuse("The moment in this address cannot be shown", why)
             return state
         if linked.model_id not in {entry.id for entry in self._catalogue.models()}:

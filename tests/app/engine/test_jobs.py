@@ -149,6 +149,18 @@ def test_only_what_changed_is_asked():
     assert engine.calls == [("job", "a", one), ("job", "a", two), ("drop", "a")]
 
 
+def test_while_a_source_is_followed_only_what_no_window_changes_is_asked():
+    engine, news = Recorder(), []
+    asked = VisitorJobs(engine, "ada", news.append)
+    pinned = Counting(request(1))
+    asked.want({"a": Counting(request(4))})
+    for index in (5, 5, 6, 6, 7):
+        asked.follow({"a": Counting(request(index)), "pin": pinned}, index)
+    assert engine.calls == [("job", "a", Counting(request(4))), ("job", "pin", pinned)]
+    asked.follow({"a": Counting(request(8))}, 8)
+    assert engine.calls[-1] == ("drop", "pin")
+
+
 def test_news_of_a_question_that_is_no_longer_asked_is_no_news():
     engine, news = Recorder(), []
     asked = VisitorJobs(engine, "ada", news.append)
