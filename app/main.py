@@ -203,13 +203,12 @@ class Viewer:
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
-        self._config = config
+        self._config, self.token = config, config.token
         own = own_views([*config.views, *views], config.is_open)
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)
         self.catalogue = Catalogue(config, self.live, self._forget)
         self.default = default = self._first_view(config, session)
-        self.token = config.token
         address = Address(config.host, config.port, config.token, config.public_url, is_embedded)
         self.port = free_port(config.host, config.port)
         self._wanted_port = config.port
@@ -279,12 +278,16 @@ class Viewer:
 
         `tell` is told (images made, images wanted). Raises EtnetError where the recording cannot be shown.
         """
+        from app.catalogue.live import WaitingForEvents
         from app.catalogue.recordings import suited_policy
         from app.session.rehearsal import rehearse
         from app.views.demo.first import first_html
 
         view = self.default
-        rehearse(self.engine, self.catalogue, view, tell)
+        with suppress(
+            *(WaitingForEvents,) if self.live else ()
+        ):  # a still scene: the page says so, and goes on waiting
+            rehearse(self.engine, self.catalogue, view, tell)
         if self.live is None:
             recording = self.catalogue.open(view.recording_id)
             policy = suited_policy(recording) if view.policy is None else view.policy

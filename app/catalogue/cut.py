@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import overload
 
 from etnet.errors import WindowError
-from etnet.events.recording import Recording
+from etnet.events.recording import Recording, Span
 from etnet.live.buffer import Extent
 from etnet.live.windows import KeptWindows
 from etnet.windows import Policy, Window, plan_windows
@@ -62,6 +63,17 @@ class CutRecording(Recording):
         if extent is None or extent.gone_before is None or extent.first_stamp is None:
             return 0.0
         return (extent.gone_before - extent.first_stamp) / 1e6
+
+    @cached_property
+    def axis(self) -> Span:
+        """What a timeline runs over, µs: of a live one what was held since the network began, as this was first drawn.
+
+        Hundreds of places are laid out on it for one picture, while events come and leave.
+        """
+        if not self.is_live:
+            return self.span
+        began = self.cut[0].t_start if self.cut else self.span.start
+        return Span(min(max(began, self.span.start + round(1e6 * self.gone_before)), self.span.stop), self.span.stop)
 
     @property
     def newest(self) -> Window | None:

@@ -20,7 +20,7 @@ from etnet.events.recording import Recording, Remark
 from etnet.live.binning import Binned, Downsample, fitting_downsample
 from etnet.live.buffer import Keep
 from etnet.live.log import windows_as_cut
-from etnet.live.rate import RateFollower
+from etnet.live.rate import Band, RateFollower, can_follow, follower_of
 from etnet.live.record import Recorder
 from etnet.live.recording import LiveRecording
 from etnet.live.source import LiveSource, Setting
@@ -33,6 +33,14 @@ DELAYS = 2_000
 """Frames of which it is remembered how late they were."""
 NEWS = 10.0
 """Seconds for which a fault is said beside the timeline."""
+
+
+_LIVE = "live-"
+
+
+def is_live_id(recording_id: str) -> bool:
+    """Whether an id is that of a live source, of this server or of one that has ended."""
+    return recording_id.startswith(_LIVE)
 
 
 class WaitingForEvents(RecordingError):
@@ -82,6 +90,14 @@ class LiveShown:
     """The files that are finished."""
     settings: tuple[Setting, ...]
     is_over: bool
+    driver_delay: float | None = None
+    """Seconds that the last packet lay in the camera's driver; `None` where the source has none."""
+    driver_backlog: int = 0
+    """Packets that lay there still."""
+    can_follow: bool = False
+    """Whether the source's biases can follow the event rate."""
+    followed: tuple[float, float] | None = None
+    """Mev/s between which they keep it; `None` where they stay as they are."""
     behind: float | None = None
     """Seconds from the arrival of the last event of the image's window to the image."""
     may_change: bool = False
@@ -100,7 +116,7 @@ class LiveFeed:
         follower: RateFollower | None = None,
     ) -> None:
         """`record`: a file that everything is written to from the first event on. `follower` keeps the event rate."""
-        self.id = f"live-{secrets.token_hex(4)}"
+        self.id = f"{_LIVE}{secrets.token_hex(4)}"
         self.live = LiveRecording(source, keep, follower)
         self.downsample: Downsample = downsample or fitting_downsample(source.sensor)
         self.seen = Sensor(*(-(-side // self.downsample) for side in (source.sensor.width, source.sensor.height)))
@@ -209,6 +225,10 @@ class LiveFeed:
             recorded=recorded,
             settings=live.source.settings(),
             is_over=live.is_over,
+            can_follow=can_follow(live.source),
+            followed=None if (follower := live.follower) is None else _in_millions(follower.band),
+            driver_delay=live.waiting.delay,
+            driver_backlog=live.waiting.backlog,
             behind=behind,
             may_change=may_change,
         )
@@ -254,6 +274,13 @@ class LiveFeed:
         except EtnetError as error:
             self.live.note(str(error))
 
+    def follow_rate(self, rate: tuple[float, float] | None) -> None:
+        """Let the biases follow, so that the rate (Mev/s) stays between these two; `None` ends that."""
+        try:
+            self.live.follow_rate(follower_of(self.live.source, rate))
+        except EtnetError as error:
+            self.live.note(str(error))
+
     def files(self) -> tuple[Recorded, ...]:
         """What was recorded and is finished."""
         with self._lock:
@@ -286,3 +313,7 @@ class LiveFeed:
         if self.live.extent().num_events == 0:
             return f"{self.live.source.name}: no events yet; move something before it"
         return f"{self.live.source.name}: the network is getting ready"
+
+
+def _in_millions(band: Band) -> tuple[float, float]:
+    return band.lowest / 1e6, band.highest / 1e6

@@ -177,14 +177,17 @@ class _Seen:
         self._live = live
         self._lock = Lock()
         self._kept: list[int] = []
+        """Stamps (µs): frames of a live recording change their numbers."""
         self._newest: Recording | None = None
 
     def advance(self) -> None:
         """Take the newest frame for the end of the next window."""
         truth = self._live.recording().ground_truth
-        newest = -1 if truth is None else len(truth) - 1
+        if truth is None or len(truth) == 0:
+            return
+        newest = int(truth.stamps[-1])
         with self._lock:
-            if newest >= 0 and (not self._kept or newest > self._kept[-1]):
+            if not self._kept or newest > self._kept[-1]:
                 self._kept.append(newest)
 
     def recording(self) -> Recording:
@@ -196,7 +199,8 @@ class _Seen:
             whole = self._live.recording()
             truth = whole.ground_truth
             assert truth is not None
-            shown = GroundTruth(truth.stamps[kept], lambda index: truth.read_frame(kept[index]))
+            stamps = np.array(kept, np.int64)
+            shown = GroundTruth(stamps, lambda index: truth.read_frame(int(np.searchsorted(truth.stamps, kept[index]))))
             self._newest = replace(whole, ground_truth=shown, latest=self.recording)
             return self._newest
 

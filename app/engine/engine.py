@@ -14,7 +14,7 @@ from app.catalogue.cut import CutRecording
 from app.catalogue.live import LiveFeed
 from app.catalogue.threads import THREADS
 from app.engine.failures import in_words
-from app.engine.gentle_import import GentleImport
+from app.engine.gentle_import import COMING, GentleImport
 from app.engine.jobs import Job, JobQueue, Tell
 from app.engine.kept_frames import KeptFrames, KeptRanges, show_kept
 from app.engine.live import LiveSteps
@@ -67,7 +67,7 @@ class Engine:
         `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
         """
         self._kept = None if disk is None else KeptFrames(library, disk, keeps, device, threads)
-        self._gentle: GentleImport | None = GentleImport()
+        self._gentle: GentleImport | None = GentleImport(COMING)
         disk_for = nowhere if self._kept is None else self._kept.disk_for
         self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load, disk_for, tunes)
         self.cleaned = self._playbacks.cleaned
@@ -79,10 +79,8 @@ class Engine:
         self._live_had_its_turn = False
         self._to_prepare: tuple[str, str] | None = None
         self._to_forget: list[str] = []
-        self._recent = RecentFrames()
-        self._thumbnails = Thumbnails()
-        self._is_stopping = False
-        self._is_loading = False
+        self._recent, self._thumbnails = RecentFrames(), Thumbnails()
+        self._is_stopping = self._is_loading = False
         self._published = Published()
         self._thread = Thread(target=self._run, daemon=True, name="engine")
         self._thread.start()
@@ -128,7 +126,6 @@ class Engine:
 
     def prepare(self, model_id: str, precision: str) -> None:
         """Load a model as soon as nobody waits, so that the first request finds it."""
-        self._gentle.pages_may_come()
         with self._book.changed:
             self._to_prepare = (model_id, precision)
             self._book.changed.notify_all()
@@ -378,8 +375,7 @@ class Engine:
 
     def _prepare_model(self) -> None:
         assert self._to_prepare is not None
-        model_id, precision = self._to_prepare
-        self._to_prepare = None
+        (model_id, precision), self._to_prepare = self._to_prepare, None
         self._is_loading = True
         try:
             self._import_network()

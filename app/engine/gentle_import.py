@@ -14,7 +14,7 @@ from types import ModuleType
 PAUSE = 2.0
 """Seconds that a page gets at most, from its visitor's coming until its events are drawn."""
 COMING = 0.4
-"""Seconds after the start in which a browser comes that has waited for the port."""
+"""Seconds from the start in which a browser comes that has waited for the port."""
 AFTERWARDS = 0.15
 """Seconds in which a page draws what it has just asked for."""
 MOST_PAUSES = 6.0
@@ -28,13 +28,10 @@ a page may need, too, would hold up the page."""
 class GentleImport:
     """Knows until when pages are drawn. Every import holds Python's lock for milliseconds, all of torch for seconds."""
 
-    def __init__(self) -> None:
-        self._until = 0.0
+    def __init__(self, coming: float = 0.0) -> None:
+        """`coming`: seconds in which the first page may come; so long nothing is imported."""
+        self._until = time.monotonic() + coming
         self._paused = 0.0
-
-    def pages_may_come(self) -> None:
-        """The port answers from now on."""
-        self._until = max(self._until, time.monotonic() + COMING)
 
     def page_begins(self) -> None:
         """A visitor has come: their page is laid out and drawn next."""

@@ -125,7 +125,7 @@ class JobQueue:
     def _advance(self, key: tuple[str, str], entry: _Entry, is_wanted_elsewhere: Callable[[], bool]) -> None:
         if entry.answers is None:
             self._playbacks.start()
-            loaded = self._playbacks.loaded(entry.job.request)
+            loaded = self._playbacks.reaching(entry.job.request)
             _check_index(entry.job.request, loaded)
             entry.answers = entry.job.run(loaded, lambda: is_wanted_elsewhere() or not self._holds(key, entry))
         answer = next(entry.answers, None)

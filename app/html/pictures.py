@@ -53,7 +53,8 @@ def camera_image(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"]
     if truth is None or len(truth) == 0:
         return None
     index = truth.nearest(moment.window.t_stop)
-    key = ("camera", moment.recording_id, index, tones)
+    stamp = int(truth.stamps[index])  # frames of a live recording change their numbers
+    key = ("camera", moment.recording_id, stamp, tones)
     try:
         grey = ARRAYS.get(
             key, lambda: tone_map(truth.read_frame(index), tones.tone, tones.is_linear_light), lambda made: made.nbytes
@@ -62,7 +63,7 @@ def camera_image(moment: Moment, tones: Tones) -> tuple[UInt8[np.ndarray, "h w"]
         if is_live(moment.recording):
             return None  # it has left the buffer
         raise
-    return grey, int(truth.stamps[index])
+    return grey, stamp
 
 
 def reconstruction_html(

@@ -62,11 +62,7 @@ def place_of(moment: Moment, t: float) -> float:
 def axis_of(moment: Moment) -> Span:
     """What the strip runs over, µs: the recording, or of a live one what is still held since the network began."""
     recording = moment.recording
-    span = recording.span
-    if not isinstance(recording, CutRecording) or not recording.is_live:
-        return span
-    began = recording.cut[0].t_start if recording.cut else span.start
-    return Span(min(max(began, span.start + round(1e6 * recording.gone_before)), span.stop), span.stop)
+    return recording.axis if isinstance(recording, CutRecording) else recording.span
 
 
 def curve_of(moment: Moment) -> RateCurve:

@@ -39,11 +39,13 @@ class VisitorJobs:
         self._post = post
         self._asked: dict[str, Job] = {}
         self._basis: ViewState | None = None
+        self._passing: tuple[int | None, Mapping[str, Job]] = None, {}
+        """The window of the last look at a source that is followed, and what was wanted there."""
         self.results: dict[str, JobResult] = {}
         """The newest news by slot. While a changed question is worked on, the answer to the last one stays: compare
         `result.job` with what is shown to tell."""
 
-    def follow(self, state: ViewState, is_moving: bool, jobs: Callable[[], Mapping[str, Job]]) -> None:
+    def ask(self, state: ViewState, is_moving: bool, jobs: Callable[[], Mapping[str, Job]]) -> None:
         """Ask what a page wants, which `jobs` tells. While windows pass, nothing new is asked, and what is no longer
         wanted is looked for only where more than the window has changed."""
         basis = replace(state, index=0)
@@ -66,6 +68,15 @@ class VisitorJobs:
     def keep(self, jobs: Mapping[str, Job]) -> None:
         """Drop what is no longer wanted; ask nothing new."""
         self.want({slot: job for slot, job in self._asked.items() if slot in jobs})
+
+    def follow(self, jobs: Mapping[str, Job], index: int) -> None:
+        """The same while a source is followed, which never comes to rest: what is wanted at one window (`index`) and at
+        the next one all the same, a pin or an ordered file, is asked."""
+        before, last = self._passing
+        if index != before:
+            self._passing = index, jobs
+        stays = {slot: job for slot, job in jobs.items() if index != before and last.get(slot) == job}
+        self.want({**{slot: job for slot, job in self._asked.items() if slot in jobs}, **stays})
 
     def take(self, found: JobNews) -> bool:
         """Fold one letter; whether it is about what is asked now."""

@@ -204,8 +204,11 @@ class VisitorRequests:
             return self.jobs.take(news)
         return self._runs.take(news) if isinstance(news, RunPlanned | RunReply) else self.frames.take(news)
 
-    def ask(self, state: ViewState, moment: Moment, is_moving: bool) -> tuple[RunFrame, ...]:
-        """Ask for the frame of the moment, those of the runs, and what open views want computed; the runs."""
+    def ask(self, state: ViewState, moment: Moment, is_moving: bool, follows: bool) -> tuple[RunFrame, ...]:
+        """Ask for the frame of the moment, those of the runs, and what open views want computed; the runs.
+
+        `follows`: the page goes with a live source, and never comes to rest.
+        """
         request, compared = request_of(state, moment.policy, self._views), compared_runs(state, self._views)
         is_about_runs = compared is not None or self._has_compared  # once more when they are over: they are dropped
         self._has_compared = compared is not None
@@ -215,7 +218,10 @@ class VisitorRequests:
         if is_about_runs:
             self._runs.ask(runs)
         jobs = partial(jobs_of, state, request, moment, runs, self._views, self._num_seen)
-        self.jobs.follow(state, is_moving, jobs)
+        if follows:
+            self.jobs.follow(jobs(), state.index)
+        else:
+            self.jobs.ask(state, is_moving, jobs)
         return runs
 
     def hear(self, reply: Reply) -> None:

@@ -1,4 +1,7 @@
-"""Before a demo's doors open: its first recording is rendered, so that the first visitor sees motion at once."""
+"""Before a demo's doors open: its first recording is rendered, so that the first visitor sees motion at once.
+
+A live source cannot be rendered ahead: it is waited for until the network keeps up with it.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Event
 
+from app.catalogue.cut import CutRecording
+from app.catalogue.live import WaitingForEvents
 from app.catalogue.recordings import Catalogue, suited_policy
 from app.engine.engine import Engine
 from app.engine.requests import Failed, FrameRequest, Ready, Reply
 from app.state.view_state import ViewState
 from etnet.errors import EtnetError, ModelError
+from etnet.events.recording import Recording
 from etnet.windows import plan_windows
 
 VISITOR = "rehearsal"
@@ -19,6 +25,12 @@ MOST_WINDOWS = 120
 """Of a long recording only its beginning is rendered."""
 PATIENCE = 120.0
 """Seconds for which one image may take."""
+LIVE_PATIENCE = 60.0
+"""Seconds in which a live source has its first window: a network is loaded meanwhile."""
+LIVE_WINDOWS = 8
+"""Of a live source so many are waited for at most."""
+LOOK = 0.02
+"""Seconds from one look for its next window to the next."""
 
 Tell = Callable[[int, int], None]
 """Told (images made, images wanted)."""
@@ -34,7 +46,9 @@ class Rehearsed:
 
 def rehearse(engine: Engine, catalogue: Catalogue, view: ViewState, tell: Tell, most: int = MOST_WINDOWS) -> Rehearsed:
     """Render the windows of the view's recording from the first on. Raises EtnetError where that cannot be shown."""
-    recording = catalogue.open(view.recording_id)
+    recording = _opened(catalogue, view.recording_id)
+    if isinstance(recording, CutRecording) and recording.is_live:
+        return _followed(engine, recording, view, tell, min(most, LIVE_WINDOWS))
     policy = suited_policy(recording) if view.policy is None else view.policy
     num_windows = min(len(plan_windows(recording, policy)), most)
     if num_windows == 0:
@@ -50,6 +64,40 @@ def rehearse(engine: Engine, catalogue: Catalogue, view: ViewState, tell: Tell, 
     finally:
         engine.drop(VISITOR)
     return Rehearsed(num_windows, sorted(took)[len(took) // 2])
+
+
+def _opened(catalogue: Catalogue, recording_id: str) -> Recording:
+    """The recording; of a live source once its first window was cut."""
+    until = time.monotonic() + LIVE_PATIENCE
+    while True:
+        try:
+            return catalogue.open(recording_id)
+        except WaitingForEvents:
+            if time.monotonic() > until:
+                raise
+
+
+def _followed(engine: Engine, recording: CutRecording, view: ViewState, tell: Tell, most: int) -> Rehearsed:
+    """The newest windows of a live source, one after the other."""
+    last, num_images, step = -1, 0, 0.0
+    try:
+        while num_images < most:
+            newest = recording if recording.latest is None else recording.latest()
+            assert isinstance(newest, CutRecording)
+            if len(newest.cut) - 1 == last:
+                if newest.latest is None:
+                    break  # the source has ended
+                time.sleep(LOOK)
+                continue
+            last, policy = len(newest.cut) - 1, newest.policy
+            assert policy is not None
+            request = FrameRequest(view.recording_id, view.model_id, view.precision, policy, last)
+            _render(engine, request)
+            num_images, step = num_images + 1, (engine.status(request).step_milliseconds or 0.0) / 1000
+            tell(num_images, most)
+    finally:
+        engine.drop(VISITOR)
+    return Rehearsed(num_images, step)
 
 
 def _render(engine: Engine, request: FrameRequest) -> None:

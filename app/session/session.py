@@ -368,7 +368,8 @@ class Session:
             self._standing.page = self._state
             if self._booth.is_active:
                 self._booth.present(self._state)
-            runs = self._asked.ask(self._state, moment, self._is_moving() or self._state.is_playing)
+            is_moving = self._is_moving() or self._state.is_playing
+            runs = self._asked.ask(self._state, moment, is_moving, self._follows())
         page = self._composer.page(
             self._state,
             moment,

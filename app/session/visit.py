@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
+from app.catalogue.live import is_live_id
 from app.catalogue.recording_id import listed_id
 from app.catalogue.recordings import CatalogueError
 from app.catalogue.visitor import VisitorCatalogue
@@ -146,12 +147,15 @@ class Visit:
         """The moment that an address names; what cannot be shown here is said, and the rest is."""
         try:
             linked, refused = from_link(value, state, [view.initial for view in self._views])
-            self._catalogue.entry(linked.recording_id)
         except LinkError as error:
             self.refuse("The moment in this address cannot be shown", str(error))
             return state
+        try:
+            self._catalogue.entry(linked.recording_id)
         except CatalogueError:
             why = "Its recording is not among those that can be opened here."
+            if is_live_id(linked.recording_id):
+                why = "It was seen live, by a viewer that has ended. What was recorded of it can be opened as a file."
             self.refuse("The moment in this address cannot be shown", why)
             return state
         if linked.model_id not in {entry.id for entry in self._catalogue.models()}:

@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from threading import Condition
 
 import numpy as np
@@ -27,6 +28,8 @@ EVENT_BYTES = 13
 """Columns x, y, t and p of one event."""
 MOST_TRIGGERS = 100_000
 """Triggers that are held at most, but for some of those that leave with the last of them."""
+STAMPS = 65_536
+"""Camera frames that have left of which the stamps are remembered; a few more until some go."""
 TRIGGERS_TOGETHER, SECOND = 1_024, 1_000_000
 """Triggers of one second (µs) are held, and leave, together, so many at most."""
 
@@ -113,7 +116,7 @@ class LiveBuffer:
         self._until: int | None = None
         self._frames: deque[CameraFrame] = deque()
         self._num_frames, self._frame_bytes = 0, 0
-        self._frame_stamps = np.empty(256, np.int64)
+        self._frame_stamps, self._num_forgotten = np.empty(256, np.int64), 0
         self._triggers: deque[Triggers] = deque()
         self._num_triggers = self._num_triggers_held = 0
 
@@ -194,13 +197,18 @@ class LiveBuffer:
         return blocks[place].start, min(blocks[place].start + BLOCK, num_events)
 
     def truth(self) -> GroundTruth | None:
-        """The camera's frames so far, by their number; `None` before the first."""
+        """The camera's frames so far; `None` before the first.
+
+        Of many thousands that have left the first ones are forgotten, and those after them move up: of two truths the
+        numbers of frames differ then, never a frame that is read with its own truth's number.
+        """
         with self.changed:
-            stamps: Int64[np.ndarray, " n"] = self._frame_stamps[: self._num_frames]
+            forgotten = self._num_forgotten
+            stamps: Int64[np.ndarray, " n"] = self._frame_stamps[: self._num_frames - forgotten]
             until = self._until
         # A growing recording has all events before its last frame.
         num_settled = 0 if until is None else int(np.searchsorted(stamps, until, "right"))
-        return GroundTruth(stamps[:num_settled], self._read_frame) if num_settled else None
+        return GroundTruth(stamps[:num_settled], partial(self._read_frame, forgotten)) if num_settled else None
 
     def frames_from(self, first: int) -> tuple[int, tuple[CameraFrame, ...]]:
         """The frames that are held from number `first` on, with the number of the first of them."""
@@ -219,23 +227,32 @@ class LiveBuffer:
         skip = max(first - start, 0)
         return start + skip, Triggers(joined.stamps[skip:], joined.channels[skip:], joined.edges[skip:])
 
-    def _read_frame(self, index: int) -> Float32[np.ndarray, "h w"]:
+    def _read_frame(self, forgotten: int, index: int) -> Float32[np.ndarray, "h w"]:
         with self.changed:
-            place = index - (self._num_frames - len(self._frames))
-            if place >= 0:
+            place = forgotten + index - (self._num_frames - len(self._frames))
+            if 0 <= place < len(self._frames):
                 return self._frames[place].pixels.astype(np.float32) / 255
         raise RecordingError(f"camera frame {index} is gone: {self._said_gone()}")
 
     def _add_frame(self, frame: CameraFrame) -> None:
-        if self._num_frames == len(self._frame_stamps):
-            grown = np.empty(2 * self._num_frames, np.int64)
-            grown[: self._num_frames] = self._frame_stamps
-            self._frame_stamps = grown
-        before = self._frame_stamps[self._num_frames - 1] if self._num_frames else frame.stamp
-        self._frame_stamps[self._num_frames] = max(frame.stamp, int(before))
+        place = self._num_frames - self._num_forgotten
+        if place == len(self._frame_stamps):
+            self._make_room_for_stamps()
+            place = self._num_frames - self._num_forgotten
+        before = self._frame_stamps[place - 1] if place else frame.stamp
+        self._frame_stamps[place] = max(frame.stamp, int(before))
         self._num_frames += 1
         self._frames.append(frame)
         self._frame_bytes += frame.pixels.nbytes
+
+    def _make_room_for_stamps(self) -> None:
+        """Columns that were handed out stay as they are."""
+        stamps = self._frame_stamps
+        num_gone = len(stamps) - len(self._frames)
+        num_dropped = num_gone - STAMPS if num_gone - STAMPS >= len(stamps) // 4 else 0
+        more = np.empty(num_dropped or len(stamps), np.int64)
+        self._frame_stamps = np.concatenate([stamps[num_dropped:], more])
+        self._num_forgotten += num_dropped
 
     def _add_triggers(self, triggers: Triggers) -> None:
         """Few long columns: all that is held is joined for each picture of a page."""

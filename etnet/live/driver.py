@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from importlib import import_module
 from typing import Any
 
@@ -19,6 +19,8 @@ from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.triggers import Triggers
 from etnet.live.driver_faults import fault_of, sentence
+from etnet.live.driver_settings import CameraSettings
+from etnet.live.driver_status import Drops, Told, num_overflows
 from etnet.live.source import CameraFrame, Packet, Setting, no_triggers
 
 MODULE = "neuromorphic_drivers"
@@ -83,12 +85,17 @@ class CameraSource:
         self.kind, self._serial = camera.kind, camera.serial
         self.name = camera.model if camera.serial is None else f"{camera.model} {camera.serial}"
         self.format = "live through neuromorphic-drivers"
-        self._configuration: Any = None
+        self._settings: CameraSettings | None = None
+        self._drops = Drops()
+        self._unsaid: tuple[Setting, ...] = ()
+        """Settings that were changed, until a packet tells of them."""
         self._device = self._opened()
         properties = self._device.properties()
         self.sensor = Sensor(int(properties.width), int(properties.height))
-        self._configuration = _module_of(self._module, self.kind).Configuration()
-        self._bounds = self._device.biases_bounds()
+        types = _module_of(self._module, self.kind)
+        has_limiter = "rate_limiter" in {entry.name for entry in fields(types.Configuration)}
+        limiter = types.RateLimiter if has_limiter else None
+        self._settings = CameraSettings(types.Configuration(), self._device.biases_bounds(), limiter)
 
     def packets(self, is_stopped: Callable[[], bool]) -> Iterator[Packet]:
         """What the driver hands over. An unplugged camera is looked for until it is back."""
@@ -99,9 +106,9 @@ class CameraSource:
                 yield self._empty(f"{self.name}: the camera is back") if back else self._empty()
                 continue
             try:
-                changed = self._apply_changes()
+                self._apply_changes()
                 status, packet = next(self._device)
-                yield self._packet(status, packet, changed)
+                yield self._packet(status, packet)
             except StopIteration:
                 return
             except RuntimeError as error:
@@ -111,54 +118,57 @@ class CameraSource:
                 yield self._empty(sentence(self.name, "no such device"))
 
     def settings(self) -> tuple[Setting, ...]:
-        """The biases, with the bounds that the camera states."""
-        found = []
-        for bias in fields(self._configuration.biases):
-            bounds, value = getattr(self._bounds, bias.name, None), getattr(self._configuration.biases, bias.name)
-            if bounds is not None and not isinstance(value, bool):
-                found.append(Setting(bias.name, int(value), int(bounds.minimum), int(bounds.maximum)))
-        return tuple(found)
+        """The rate limiter, the sensor's filters and exposure where it has them, and the biases."""
+        return self._set.listed
 
     def change(self, name: str, value: int) -> None:
-        """Change a bias before the next packet."""
-        setting = next((one for one in self.settings() if one.name == name), None)
-        if setting is None:
-            known = ", ".join(one.name for one in self.settings())
-            raise RecordingError(f"{self.name}: no bias is called {name!r}; there are {known}")
-        if not setting.minimum <= value <= setting.maximum:
-            raise RecordingError(f"{name} is {value}; this camera takes {setting.minimum} to {setting.maximum}")
+        """Change a setting before the next packet."""
+        self._set.check(self.name, name, value)
         self._changes.append((name, value))
 
     def close(self) -> None:
         """Give the camera back."""
         self._close_device()
 
-    def _packet(self, status: Any, packet: Any, changed: tuple[Setting, ...]) -> Packet:
-        until = None if status.ring is None else getattr(status.ring, "current_t", None)
+    def _packet(self, status: Any, packet: Any) -> Packet:
+        told = Told.of(status)
+        num_lost = self._drops.since(told.num_dropped, num_overflows(packet))
         if packet is None:
-            return Packet(Events.empty(self.sensor), until, changed=changed)
+            return Packet(
+                Events.empty(self.sensor), told.until, num_lost=num_lost, delay=told.delay, backlog=told.backlog,
+                changed=self._said(),
+            )  # fmt: skip
         frames = tuple(
             CameraFrame(_moment(frame), _pixels(frame.pixels)) for frame in getattr(packet, "frames", None) or ()
         )
         return Packet(
-            _events(packet.polarity_events, self.sensor), until, frames,
-            _edges(packet.trigger_events), _num_overflows(packet), changed,
+            _events(packet.polarity_events, self.sensor), told.until, frames, _edges(packet.trigger_events),
+            num_lost, told.delay, told.backlog, self._said(),
         )  # fmt: skip
 
     def _empty(self, note: str | None = None) -> Packet:
-        return Packet(Events.empty(self.sensor), notes=() if note is None else (note,))
+        return Packet(Events.empty(self.sensor), changed=self._said(), notes=() if note is None else (note,))
 
-    def _apply_changes(self) -> tuple[Setting, ...]:
+    def _said(self) -> tuple[Setting, ...]:
+        changed, self._unsaid = self._unsaid, ()
+        return changed
+
+    def _apply_changes(self) -> None:
         if not self._changes:
-            return ()
+            return
         wanted: dict[str, int] = {}
         while self._changes:
             name, value = self._changes.popleft()
             wanted[name] = value
-        self._configuration = replace(self._configuration, biases=replace(self._configuration.biases, **wanted))
+        # Said even where the camera is pulled out now: it is opened again with them.
+        self._unsaid += self._set.change(wanted)
         assert self._device is not None
-        self._device.update_configuration(self._configuration)
-        return tuple(setting for setting in self.settings() if setting.name in wanted)
+        self._device.update_configuration(self._set.configuration)
+
+    @property
+    def _set(self) -> CameraSettings:
+        assert self._settings is not None
+        return self._settings
 
     def _chosen(self, kind: str | None, serial: str | None) -> ListedCamera:
         listed = list_cameras(self._module)
@@ -175,7 +185,9 @@ class CameraSource:
     def _opened(self) -> Any:
         try:
             return self._module.open(
-                configuration=self._configuration, iterator_timeout=TIMEOUT, serial=self._serial
+                configuration=None if self._settings is None else self._settings.configuration,
+                iterator_timeout=TIMEOUT,
+                serial=self._serial,
             ).__enter__()
         except RuntimeError as error:
             raise RecordingError(sentence(self.name, str(error))) from error
@@ -191,6 +203,7 @@ class CameraSource:
             self._device = self._opened()
         except RecordingError:
             return False
+        self._drops.opened_again()
         return True
 
     def _close_device(self) -> None:
@@ -222,12 +235,6 @@ def _edges(rows: np.ndarray | None) -> Triggers:
     channels = rows["id"].astype(np.int16) if "id" in names else np.zeros(len(rows), np.int16)
     told = rows[edge].astype(np.int8)
     return Triggers(rows["t"].astype(np.int64), channels, np.where(told == 2, 0, 2 * told - 1).astype(np.int8))
-
-
-def _num_overflows(packet: Any) -> int:
-    """How often the computer dropped USB packets, because they were not fetched in time."""
-    columns = (getattr(packet, f"{what}_overflow_indices", None) for what in ("polarity_events", "frames"))
-    return max(0 if column is None else len(column) for column in columns)
 
 
 def _moment(frame: Any) -> int:

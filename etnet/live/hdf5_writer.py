@@ -5,6 +5,7 @@ Layout: TimoStoff/event_utils, lib/data_formats/event_packagers.py; triggers bes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
@@ -13,7 +14,7 @@ import numpy as np
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.hdf5.journal import CommittedFile
 from etnet.events.triggers import Triggers
-from etnet.live.source import CameraFrame
+from etnet.live.source import CameraFrame, Setting, as_json
 
 CHUNK = 32_768
 """Events stored together."""
@@ -22,7 +23,8 @@ CHUNK = 32_768
 class Hdf5Writer:
     """Columns that grow. Each `flush` is a commit."""
 
-    def __init__(self, path: Path, sensor: Sensor, source: str) -> None:
+    def __init__(self, path: Path, sensor: Sensor, source: str, settings: Sequence[Setting] = ()) -> None:
+        """`settings`: the source's as they are now; the file says them as JSON."""
         self.num_events, self._num_on, self._num_frames = 0, 0, 0
         self._first, self._last = 0, 0
         self._held: list[Events] = []
@@ -35,6 +37,8 @@ class Hdf5Writer:
             self._file.create_dataset(f"triggers/{name}", (0,), kind, maxshape=(None,), chunks=(1024,))
         self._file.attrs["sensor_resolution"] = np.array([sensor.height, sensor.width])
         self._file.attrs["source"] = f"live from {source}"
+        if settings:
+            self._file.attrs["settings"] = as_json(settings)
         self.flush()
 
     def add_events(self, events: Events) -> None:

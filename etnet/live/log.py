@@ -1,4 +1,5 @@
-"""The log beside a recorded file: the windows as they were cut, what was lost, changed settings and faults.
+"""The log beside a recorded file: the windows as they were cut, what was lost, faults, and the source's settings, first
+all as they were at the beginning, then each that was changed.
 
 One JSON object a line, appended, so that a kill costs the last line at most. `RECORDING.live.jsonl` belongs to
 `RECORDING`; event numbers in it count from the file's first event.
@@ -17,9 +18,12 @@ from etnet.events.events import Sensor
 from etnet.events.recording import Recording
 from etnet.live.binning import Downsample
 from etnet.live.recording import Loss, Note
+from etnet.live.source import Setting
 from etnet.windows import Window
 
 _LONGEST_LINE = 4096
+_LONGEST_TEXT = 600
+"""Signs of a name or a note; JSON writes some of them with six."""
 _LARGEST = 1 << 28
 
 
@@ -33,7 +37,12 @@ class LogWriter:
 
     def __init__(self, recording: Path, source: str, sensor: Sensor) -> None:
         self._file = log_of(recording).open("w", encoding="utf-8", newline="\n")
-        self._line({"live": 1, "source": source, "sensor": [sensor.width, sensor.height]})
+        self._line({"live": 1, "source": source[:_LONGEST_TEXT], "sensor": [sensor.width, sensor.height]})
+
+    def settings(self, stamp: int, settings: Sequence[Setting]) -> None:
+        """What holds from `stamp` (µs) on."""
+        for setting in settings:
+            self._line({"stamp": stamp, "setting": [setting.name, setting.plain]})
 
     def seen_through(self, policy: str, downsample: int) -> None:
         """How windows are cut from here on, and how many pixels a side the network sees as one."""
@@ -46,9 +55,9 @@ class LogWriter:
 
     def note(self, note: Note) -> None:
         """A fault, its end, or a setting that was changed."""
-        line: dict[str, Any] = {"stamp": note.stamp, "note": note.text}
+        line: dict[str, Any] = {"stamp": note.stamp, "note": note.text[:_LONGEST_TEXT]}
         if note.setting is not None:
-            line["setting"] = [note.setting.name, note.setting.value]
+            line["setting"] = [note.setting.name, note.setting.plain]
         self._line(line)
 
     def loss(self, stamp: int, loss: Loss, num_missing: int) -> None:
@@ -65,7 +74,9 @@ class LogWriter:
         self._file.close()
 
     def _line(self, content: dict[str, Any]) -> None:
-        self._file.write(json.dumps(content, ensure_ascii=False)[: _LONGEST_LINE - 1] + "\n")
+        line = json.dumps(content, ensure_ascii=False)
+        assert len(line) < _LONGEST_LINE
+        self._file.write(line + "\n")
 
 
 @dataclass(frozen=True, slots=True)

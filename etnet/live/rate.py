@@ -66,7 +66,16 @@ def follower_of(source: LiveSource, rate: tuple[float, float] | None) -> RateFol
     if rate is None:
         return None
     lowest, highest = (1e6 * limit for limit in rate)
-    return RateFollower(getattr(source, "kind", source.format), Band(lowest, highest))
+    return RateFollower(_kind_of(source), Band(lowest, highest))
+
+
+def can_follow(source: LiveSource) -> bool:
+    """Whether the source's biases can follow the rate."""
+    return _kind_of(source) in _DULLER
+
+
+def _kind_of(source: LiveSource) -> str:
+    return getattr(source, "kind", source.format)
 
 
 class RateFollower:
@@ -74,7 +83,7 @@ class RateFollower:
 
     def __init__(self, kind: str, band: Band) -> None:
         steps_of(kind)
-        self._kind, self._band = kind, band
+        self._kind, self.band = kind, band
         self._at: int | None = None
         self._num_before = 0
 
@@ -87,4 +96,4 @@ class RateFollower:
             return ()
         rate = (num_events - self._num_before) / elapsed * 1e6
         self._at, self._num_before = until, num_events
-        return following(self._kind, settings, rate, self._band)
+        return following(self._kind, settings, rate, self.band)

@@ -56,16 +56,18 @@ class Recorder:
         self.num_missing = 0
         """Events that had left the buffer before the disk got to them."""
         self._at, self._frame_at, self._trigger_at, self._note_at, self._window_at = self.first, 0, 0, 0, 0
+        if first is None:
+            self._skip_what_was()  # before the settings are asked: a change in between is told twice, and never lost
         self._windows: KeptWindows | None = None
         self._told_loss, self._told_missing = Loss(), 0
         self._trouble: EtnetError | None = None
         try:
-            self._writer: _Writer = _WRITERS[path.suffix.lower()](path, live.sensor, live.source.name)
+            settings = live.source.settings()
+            self._writer: _Writer = _WRITERS[path.suffix.lower()](path, live.sensor, live.source.name, settings)
             self._log = LogWriter(path, live.source.name, live.sensor)
+            self._log.settings(live.extent().until or 0, settings)
         except OSError as error:
             raise RecordingError(f"{path.name}: cannot be recorded to ({error.strerror or error})") from error
-        if first is None:
-            self._skip_what_was()
         self._stopped = Event()
         self._thread = Thread(target=self._run, name=f"record {path.name}", daemon=True)
         self._thread.start()
@@ -165,6 +167,8 @@ class Recorder:
         for note in notes:
             self._log.note(note)
         windows = self._windows
+        if windows is not None:
+            self._window_at = max(self._window_at, windows.first_known)
         while windows is not None and self._window_at < len(windows) and windows[self._window_at].stop <= self._at:
             window = windows[self._window_at]
             if window.start >= self.first and self.num_missing == 0:

@@ -40,6 +40,16 @@ class Loss:
     """Events that came out of order and carry an earlier event's stamp."""
 
 
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """What lies between the cable and us, in the camera's driver."""
+
+    delay: float | None = None
+    """Seconds that the last packet lay there; `None` where the source does not tell."""
+    backlog: int = 0
+    """Packets of the cable that lay there still."""
+
+
 @dataclass(frozen=True)
 class _Held:
     """The first `num_events` events of a buffer, as a recording's source."""
@@ -73,8 +83,9 @@ class LiveRecording:
         self._stopped, self._is_over = Event(), False
         self._notes: deque[Note] = deque(maxlen=NOTES)
         self._num_notes = 0
-        self._loss = Loss()
+        self._loss, self._waiting = Loss(), Waiting()
         self._arrivals: deque[tuple[int, float]] = deque(maxlen=ARRIVALS)
+        self._arrived_at = 0.0
         self._newest: Recording | None = None
         self._clock, self._follower = OneWayClock(), follower
         self._thread = Thread(target=self._run, name=f"live {source.name}", daemon=True)
@@ -123,9 +134,23 @@ class LiveRecording:
         """What did not come through."""
         return self._loss
 
+    @property
+    def waiting(self) -> Waiting:
+        """What lay in the camera's driver when the last packet was fetched."""
+        return self._waiting
+
     def extent(self) -> Extent:
         """What has come, and what of it is held."""
         return self.buffer.extent()
+
+    @property
+    def follower(self) -> RateFollower | None:
+        """What changes the camera's biases with the event rate; `None` while nothing does."""
+        return self._follower
+
+    def follow_rate(self, follower: RateFollower | None) -> None:
+        """From now on `follower` changes the camera's biases; `None` leaves them as they are. Any thread may ask."""
+        self._follower = follower
 
     def wait(self, num_events: int = 1, timeout: float = 10.0) -> Recording:
         """The recording, once it has `num_events` events. Raises RecordingError if the source ends or stays silent."""
@@ -165,7 +190,7 @@ class LiveRecording:
             return held
 
     def behind(self, stamp: int) -> float | None:
-        """Seconds since the events up to `stamp` (µs) came in; `None` where that was too long ago to tell."""
+        """Seconds since the events up to `stamp` (µs) reached this machine; `None` where that was too long ago."""
         with self.buffer.changed:
             arrivals = tuple(self._arrivals)
         came = next((when for at, when in arrivals if at >= stamp), None)
@@ -183,8 +208,8 @@ class LiveRecording:
         try:
             for packet in self.source.packets(self._stopped.is_set):
                 self._take(packet)
-                if self._follower is not None:
-                    self._follow_rate(self._follower)
+                if (follower := self._follower) is not None:
+                    self._change_biases(follower)
                 if self._stopped.is_set():
                     break
         except EtnetError as error:
@@ -196,7 +221,7 @@ class LiveRecording:
                 self._is_over = True
                 self.buffer.changed.notify_all()
 
-    def _follow_rate(self, follower: RateFollower) -> None:
+    def _change_biases(self, follower: RateFollower) -> None:
         extent = self.buffer.extent()
         if extent.until is not None:
             for name, value in follower.changes(extent.until, extent.num_events, self.source.settings()):
@@ -208,6 +233,7 @@ class LiveRecording:
         self.buffer.add(packet.events, packet.until, packet.frames, packet.triggers)
         with self.buffer.changed:
             until = self.buffer.extent().until
+            self._waiting = Waiting(packet.delay, packet.backlog)
             if packet.num_lost or mended.num_held_up:
                 self._loss = replace(
                     self._loss,
@@ -217,9 +243,10 @@ class LiveRecording:
             for text in packet.notes:
                 self.note(text)
             for setting in packet.changed:
-                self.note(f"{setting.name} is {setting.value} now", setting)
+                self.note(f"{setting.name} is {setting.words} now", setting)
             if len(packet.events) and until is not None:
                 now = time.monotonic()
                 # Packets can come by the thousand a second; a hundred moments a second are enough.
-                if not self._arrivals or now - self._arrivals[-1][1] > 0.01:
-                    self._arrivals.append((until, now))
+                if now - self._arrived_at > 0.01:
+                    self._arrived_at = now
+                    self._arrivals.append((until, now - (packet.delay or 0.0)))

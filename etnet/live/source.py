@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -29,12 +30,31 @@ class CameraFrame:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One value of the camera that can be changed while it runs, with the bounds that the camera states."""
+    """One value of the camera that can be changed while it runs, with its bounds."""
 
     name: str
     value: int
     minimum: int
     maximum: int
+    choices: tuple[str, ...] = ()
+    """Names of the values from 0 on, where it is no number."""
+    is_switch: bool = False
+    """It is on (1) or off (0)."""
+
+    @property
+    def plain(self) -> int | bool | str:
+        """What a file says of it."""
+        return bool(self.value) if self.is_switch else self.choices[self.value] if self.choices else self.value
+
+    @property
+    def words(self) -> str:
+        """Its value in words."""
+        return ("on" if self.value else "off") if self.is_switch else str(self.plain)
+
+
+def as_json(settings: Sequence[Setting]) -> str:
+    """Names and values, for a file."""
+    return json.dumps({setting.name: setting.plain for setting in settings})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +68,10 @@ class Packet:
     triggers: Triggers = field(default_factory=no_triggers)
     num_lost: int = 0
     """Packets that were lost before this one or in it: dropped by the computer, late, or not understood."""
+    delay: float | None = None
+    """Seconds that it waited in the driver before it was fetched; `None` where the source does not tell."""
+    backlog: int = 0
+    """Packets of the cable that still wait in the driver."""
     changed: tuple[Setting, ...] = ()
     """Settings that hold from here on."""
     notes: tuple[str, ...] = ()

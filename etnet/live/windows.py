@@ -19,40 +19,76 @@ from etnet.live.buffer import Extent
 from etnet.live.recording import LiveRecording
 from etnet.windows import ByCount, ByDensity, ByDuration, Policy, Window
 
+GONE = 65_536
+"""Windows whose events have left the buffer of which it is remembered when they were; a few more until some go."""
+
 
 class KeptWindows(Sequence[Window]):
-    """Windows that were cut, as rows of numbers: start, stop, t_start, t_stop, how many were merged into it."""
+    """Windows that were cut, as rows of numbers: start, stop, t_start, t_stop, how many were merged into it.
+
+    They keep their numbers for good. Long after their events have left the buffer windows are forgotten: such a window
+    holds no events and lies where the first one that is known begins. One thread appends, any number read.
+    """
 
     def __init__(self) -> None:
-        self._rows: Int64[np.ndarray, "n 5"] = np.empty((256, 5), np.int64)
+        rows: Int64[np.ndarray, "n 5"] = np.empty((256, 5), np.int64)
+        self._known = 0, rows
+        """The number of the first window that is not forgotten, and the rows from it on: changed together."""
         self._length = 0
 
-    def append(self, window: Window, num_merged: int) -> None:
-        """Keep one more."""
-        if self._length == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._rows[self._length] = window.start, window.stop, window.t_start, window.t_stop, num_merged
+    def append(self, window: Window, num_merged: int, first_held: int = 0) -> None:
+        """Keep one more. `first_held`: the number of the first event that the buffer still holds."""
+        first, rows = self._known
+        if self._length - first == len(rows):
+            first, rows = self._known = self._with_room(first, rows, first_held)
+        rows[self._length - first] = window.start, window.stop, window.t_start, window.t_stop, num_merged
         self._length += 1
 
     def __len__(self) -> int:
         return self._length
 
+    @property
+    def first_known(self) -> int:
+        """The number of the first window that is not forgotten."""
+        return self._known[0]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of what is remembered."""
+        return self._known[1].nbytes
+
     def num_merged(self, index: int) -> int:
-        """How many windows of the policy this one holds; 1 where the step was in time."""
-        return int(self._rows[index, 4])
+        """How many windows of the policy this one holds; 1 where the step was in time, 0 where it is forgotten."""
+        first, rows = self._known
+        return int(rows[index - first, 4]) if index >= first else 0
 
     @overload
     def __getitem__(self, index: int) -> Window: ...
     @overload
     def __getitem__(self, index: slice) -> Sequence[Window]: ...
     def __getitem__(self, index: int | slice) -> Window | Sequence[Window]:
+        length = self._length  # before the rows, which hold at least so many
         if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(self._length))]
-        if not -self._length <= index < self._length:
-            raise IndexError(f"window {index} of {self._length}")
-        index %= self._length
-        start, stop, t_start, t_stop, _ = (int(value) for value in self._rows[index])
+            return [self[i] for i in range(*index.indices(length))]
+        if not -length <= index < length:
+            raise IndexError(f"window {index} of {length}")
+        index %= length
+        first, rows = self._known
+        if index < first:
+            began = int(rows[0, 2])
+            return Window(index, 0, 0, began, began)
+        start, stop, t_start, t_stop, _ = (int(value) for value in rows[index - first])
         return Window(index, start, stop, t_start, t_stop)
+
+    def _with_room(
+        self, first: int, rows: Int64[np.ndarray, "n 5"], first_held: int
+    ) -> tuple[int, Int64[np.ndarray, "m 5"]]:
+        """The rows without those of windows that left long ago, where these are many; else twice as long."""
+        num_forgotten = int(np.searchsorted(rows[:, 0], first_held)) - GONE
+        if num_forgotten < len(rows) // 4:
+            return first, np.concatenate([rows, np.empty_like(rows)])
+        kept = rows[num_forgotten:]
+        return first + num_forgotten, np.concatenate([kept, np.empty((num_forgotten, 5), np.int64)])
 
 
 class LiveWindows:
@@ -98,7 +134,7 @@ class LiveWindows:
             # Under one lock: a window as long as the buffer would begin to leave at once.
             self.live.buffer.pin(cut[0].start, cut[0].stop)
         window, num_windows = cut
-        self.kept.append(window, num_windows)
+        self.kept.append(window, num_windows, self.live.extent().first_held)
         self.num_merged += num_windows - 1
         self._start, self._t_start = window.stop, window.t_stop
         return window

@@ -1,4 +1,4 @@
-"""A live source in a real browser: followed, left for the past, returned to, recorded, and the file opened."""
+"""A live source in a real browser: followed, left for the past, pinned there and held against the present, recorded."""
 
 import re
 
@@ -38,12 +38,25 @@ def _until_window(page, index):
     )
 
 
+def _until_held_against_the_pin(page, index):
+    """A − B shows the present, at least this window, and the pinned window 0 below it."""
+    page.wait_for_function(
+        """index => {
+          const words = [...document.querySelectorAll(".et-frames-below figcaption")].map(each => each.innerText);
+          const of = which => Number(/window ([\\d,]+)/.exec(words.find(each => each.startsWith(which)) ?? "")?.[1]
+            .replaceAll(",", "") ?? -1);
+          return of("now") >= index && of("then") === 0;
+        }""",
+        arg=index,
+    )
+
+
 def _press(page, key):
     """Press what sends `key`: its HTML is replaced all the time, so that no place of it is waited for."""
     page.locator(f"[data-k='{key}']").first.dispatch_event("pointerdown")
 
 
-def test_live_left_for_the_past_asked_returned_to_recorded_and_opened(browser, live):
+def test_live_left_for_the_past_asked_pinned_compared_with_now_recorded_and_opened(browser, live):
     viewer, folder = live
     page = open_page(browser, viewer.url, patience=150_000)  # the network gets ready first
     page.get_by_test_id("is-live").wait_for()
@@ -68,9 +81,16 @@ def test_live_left_for_the_past_asked_returned_to_recorded_and_opened(browser, l
     open_workspace(page, "inspect")
     assert _window(page) == 0
 
+    open_workspace(page, "attention")
+    _press(page, "attention:pin:a")
+    page.get_by_test_id("a-minus-b").filter(has_text="share 100 %").wait_for()
     _press(page, "live:follow")
     page.get_by_test_id("is-live").wait_for()
     _until_window(page, 8)
+    _until_held_against_the_pin(page, 8)
+    assert page.get_by_test_id("pinned").filter(has_text="window 0").count() == 1
+    open_workspace(page, "inspect")
+    page.get_by_test_id("is-live").wait_for()
 
     _press(page, "live:record")
     page.get_by_role("button", name="Stop recording").first.wait_for()

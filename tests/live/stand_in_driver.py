@@ -10,8 +10,15 @@ from types import SimpleNamespace
 import neuromorphic_drivers as real
 import numpy as np
 from neuromorphic_drivers import status
-from neuromorphic_drivers.generated.devices.inivation_davis346 import BiasesBounds, Bounds
 
+TYPES = {
+    "INIVATION_DAVIS346": real.inivation_davis346,
+    "INIVATION_DVXPLORER": real.inivation_dvxplorer,
+    "PROPHESEE_EVK3_HD": real.prophesee_evk3_hd,
+    "PROPHESEE_EVK4": real.prophesee_evk4,
+}
+MOST = {"INIVATION_DAVIS346": 2047, "INIVATION_DVXPLORER": 7}
+"""Bound of each bias; 200 for the others."""
 POLARITY = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "?")])
 TRIGGER = np.dtype([("t", "<u8"), ("id", "u1"), ("polarity", "u1")])
 
@@ -22,9 +29,9 @@ def polarity_events(events):
     return rows
 
 
-def davis_packet(events=None, triggers=None, frames=(), overflows=None):
-    """The attributes of Davis346Packet."""
-    return SimpleNamespace(
+def davis_packet(events=None, triggers=None, frames=(), overflows=None, others=None):
+    """The attributes of Davis346Packet. `others`: overflows of the columns beside the events, by their names."""
+    packet = SimpleNamespace(
         polarity_events=None if events is None else polarity_events(events),
         imu_events=None,
         trigger_events=triggers,
@@ -34,6 +41,10 @@ def davis_packet(events=None, triggers=None, frames=(), overflows=None):
         trigger_events_overflow_indices=None,
         frames_overflow_indices=None,
     )
+    for kind, indices in (others or {}).items():
+        assert hasattr(packet, f"{kind}_overflow_indices")
+        setattr(packet, f"{kind}_overflow_indices", np.array(indices))
+    return packet
 
 
 def davis_frame(t, pixels, exposure=4000):
@@ -44,10 +55,10 @@ def davis_frame(t, pixels, exposure=4000):
 
 
 class Device:
-    """What `open` gives."""
+    """What `open` gives. A step is "timeout", an error, or (packet, current_t) and what else the ring tells."""
 
-    def __init__(self, driver, steps) -> None:
-        self._driver, self._steps = driver, steps
+    def __init__(self, name, steps) -> None:
+        self._name, self._steps = name, steps
         self._thread = None
         self.configurations = []
         self.is_closed = False
@@ -70,20 +81,22 @@ class Device:
             raise step
         if step == "timeout":
             return status.Status(system_time=1.0, ring=None), None
-        packet, current_t = step
-        ring = status.RingStatus(
-            system_time=1.0, backlog=0, raw_packets=1, clutch_engaged=False, current_t=current_t, dropped_packets=0
-        )
-        return status.Status(system_time=1.0, ring=ring), packet
+        packet, current_t, *told = step
+        ring = {"system_time": 1.0, "backlog": 0, "raw_packets": 1, "clutch_engaged": False, "dropped_packets": 0}
+        ring |= {"current_t": current_t, **(told[0] if told else {})}
+        return status.Status(system_time=1.0, ring=status.RingStatus(**ring)), packet
 
     def properties(self):
-        return real.inivation_davis346.Properties()
+        return TYPES[self._name].Properties()
 
     def biases_bounds(self):
-        return BiasesBounds(**{name: Bounds(0, 2047) for name in BiasesBounds.__dataclass_fields__})
+        types = TYPES[self._name]
+        bounds = types.Bounds(0, MOST.get(self._name, 200))
+        return types.BiasesBounds(**dict.fromkeys(types.BiasesBounds.__dataclass_fields__, bounds))
 
     def update_configuration(self, configuration):
         self._check()
+        assert isinstance(configuration, TYPES[self._name].Configuration)
         configuration.serialize()  # fails where a value is none of its type
         self.configurations.append(configuration)
 
@@ -95,10 +108,23 @@ class Device:
             raise RuntimeError("__next__ called while device is used by a different thread")
 
 
+def evt3_packet(events=None):
+    """The attributes of Evt3Packet, of an EVK3 HD or EVK4."""
+    return SimpleNamespace(
+        polarity_events=None if events is None else polarity_events(events),
+        trigger_events=None,
+        polarity_events_overflow_indices=None,
+        trigger_events_overflow_indices=None,
+    )
+
+
 class StandIn:
     """The module. `plugged_in` are its cameras, `openings` what each opening gives: steps, or an error."""
 
     inivation_davis346 = real.inivation_davis346
+    inivation_dvxplorer = real.inivation_dvxplorer
+    prophesee_evk3_hd = real.prophesee_evk3_hd
+    prophesee_evk4 = real.prophesee_evk4
 
     def __init__(self, openings, plugged_in=None, error=None) -> None:
         self._openings = iter(openings)
@@ -116,7 +142,8 @@ class StandIn:
         steps = next(self._openings)
         if isinstance(steps, Exception):
             raise steps
-        device = Device(self, iter(steps))
+        name = next(name for name, number, _ in self.plugged_in if serial in (None, number))
+        device = Device(name, iter(steps))
         if configuration is not None:
             device.configurations.append(configuration)
         self.devices.append(device)

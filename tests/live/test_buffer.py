@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from etnet.errors import RecordingError
 from etnet.live import buffer as module
 from etnet.live.buffer import EVENT_BYTES, Keep, LiveBuffer
-from etnet.live.source import no_triggers
+from etnet.live.source import CameraFrame, no_triggers
 from tests.live.sources import cut_up, edges_at, frames_at, make_events, same, taken_in
 from tests.strategies import SMALL
 
@@ -82,6 +82,33 @@ def test_frames_and_triggers_keep_their_numbers_and_leave_with_their_time():
     start, triggers = buffer.triggers_from(0)
     assert start == 30 - len(triggers)
     assert triggers.stamps[-1] == frames[-1].stamp
+
+
+def test_stamps_of_frames_that_left_long_ago_are_forgotten_and_no_truth_reads_another_frame(monkeypatch):
+    monkeypatch.setattr(module, "STAMPS", 500)
+    buffer, sizes = LiveBuffer(SMALL, Keep(seconds=1)), []
+    (frame,) = frames_at([0])
+    for number in range(20_000):
+        stamp = number * 10_000
+        pixels = np.full_like(frame.pixels, number % 251)
+        buffer.add(make_events(0), stamp, (CameraFrame(stamp, pixels),), NONE)
+        sizes.append(len(buffer._frame_stamps))
+        if number == 9_999:
+            earlier = buffer.truth()
+    assert max(sizes[10_000:]) == max(sizes[:10_000]), "nothing grows"
+    truth = buffer.truth()
+    assert truth is not None
+    assert len(truth) < 2_000
+    assert (np.diff(truth.stamps) == 10_000).all()
+    assert truth.stamps[-1] == 199_990_000
+    for place in (len(truth) - 1, len(truth) - 90):
+        number = int(truth.stamps[place]) // 10_000
+        assert np.rint(truth.read_frame(place) * 255).max() == number % 251
+    with pytest.raises(RecordingError, match="camera frame 3 is gone"):
+        truth.read_frame(3)
+    assert earlier.stamps[-1] == 99_990_000, "what was handed out stays as it was"
+    with pytest.raises(RecordingError, match="is gone"):
+        earlier.read_frame(len(earlier) - 1)
 
 
 def test_triggers_by_the_thousand_are_held_in_few_pieces_and_those_beyond_the_most_leave(monkeypatch):

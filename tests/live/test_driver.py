@@ -1,6 +1,7 @@
 """Cameras through the driver: its packets become events, frames and triggers, its faults one sentence each."""
 
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.live import driver as module
 from etnet.live.driver import CameraSource, driver_module, list_cameras
-from etnet.live.recording import LiveRecording
+from etnet.live.recording import LiveRecording, Waiting
+from etnet.live.source import Setting
 from tests.live.sources import make_events, same, wait_for
-from tests.live.stand_in_driver import TRIGGER, StandIn, davis_frame, davis_packet
+from tests.live.stand_in_driver import TRIGGER, TYPES, StandIn, davis_frame, davis_packet, evt3_packet
 
 DAVIS = Sensor(346, 260)
 
@@ -63,6 +65,56 @@ def test_packets_that_the_computer_dropped_are_counted():
     assert live.loss.packets == 2
 
 
+def test_packets_that_the_ring_dropped_are_counted_once_though_the_events_tell_of_them_too():
+    events = make_events(30, DAVIS)
+    packets = [
+        (davis_packet(events[:10]), 1, {"dropped_packets": 5}),
+        (davis_packet(events[10:20], overflows=[3]), 2, {"dropped_packets": 5}),
+        "timeout",
+        (davis_packet(), 3, {"dropped_packets": 6}),
+        (davis_packet(events[20:]), 4, {"dropped_packets": 6}),
+    ]
+    assert _over(_live(packets)).loss.packets == 6
+
+
+def test_packets_of_triggers_samples_and_frames_that_were_dropped_are_counted_too():
+    for kind in ("trigger_events", "imu_events", "frames"):
+        live = _over(_live([(davis_packet(others={kind: [0]}), 1), (davis_packet(), 2)]))
+        assert live.loss.packets == 1, kind
+
+
+def test_a_camera_that_was_opened_again_counts_its_drops_from_none():
+    steps = [(davis_packet(), 1, {"dropped_packets": 5}), RuntimeError("NoDevice")]
+    driver = StandIn([steps, [(davis_packet(), 1, {"dropped_packets": 7})]])
+    live = LiveRecording(CameraSource(module=driver))
+    plugged_in, driver.plugged_in = driver.plugged_in, []
+    with live:
+        wait_for(lambda: live.notes != ())
+        driver.plugged_in = plugged_in
+        wait_for(lambda: live.is_over)
+    assert live.loss.packets == 12
+
+
+def test_how_long_packets_lie_in_the_driver_is_told_and_counts_as_being_behind():
+    events, gone = make_events(10, DAVIS), threading.Event()
+    late = {"system_time": -3.0, "backlog": 17}
+
+    def steps():
+        yield davis_packet(events), int(events.t[-1]), late
+        gone.wait(30)
+        yield "timeout"
+
+    live = _live(steps()).start()
+    wait_for(lambda: live.extent().num_events == 10)
+    assert live.waiting == Waiting(4.0, 17)
+    behind = live.behind(int(events.t[-1]))
+    assert behind is not None
+    assert 4 <= behind < 34
+    gone.set()
+    wait_for(lambda: live.is_over)
+    assert live.waiting == Waiting(None, 0), "nothing waits any more"
+
+
 def test_a_bias_is_changed_between_two_packets_and_stands_in_the_recording():
     source = CameraSource(module=(driver := StandIn([[(davis_packet(), t) for t in range(5)]])))
     assert {setting.name for setting in source.settings()} >= {"diffbn", "onbn", "offbn", "refrbp"}
@@ -74,9 +126,104 @@ def test_a_bias_is_changed_between_two_packets_and_stands_in_the_recording():
     assert next(setting.value for setting in source.settings() if setting.name == "onbn") == 1700
 
 
+def _camera(name, *openings):
+    driver = StandIn(openings or [[]], plugged_in=[(name, "1", None)])
+    return driver, CameraSource(module=driver)
+
+
+def _changed(name, packet, **wanted):
+    """The configuration that a camera has after settings were changed, and what its recording says of them."""
+    driver, source = _camera(name, [(packet, t) for t in range(5)])
+    for setting, value in wanted.items():
+        source.change(setting, value)
+    live = _over(LiveRecording(source))
+    return driver.devices[0].configurations[-1], [note.text for note in live.notes], source
+
+
+def test_the_rate_limiter_of_an_evk4_is_switched_and_set():
+    kind = "PROPHESEE_EVK4"
+    _, source = _camera(kind)
+    listed = {setting.name: setting for setting in source.settings()}
+    assert listed["rate_limiter"] == Setting("rate_limiter", 0, 0, 1, is_switch=True)
+    assert listed["rate_limiter.reference_period_us"] == Setting("rate_limiter.reference_period_us", 200, 1, 1023)
+    assert listed["diff_on"].maximum == 200
+    assert not any("mask" in name or "clock" in name for name in listed)
+    configuration, said, source = _changed(
+        kind, evt3_packet(), rate_limiter=1, **{"rate_limiter.maximum_events_per_period": 700}
+    )
+    limiter = configuration.rate_limiter
+    assert (limiter.reference_period_us, limiter.maximum_events_per_period) == (200, 700)
+    assert said == ["rate_limiter is on now", "rate_limiter.maximum_events_per_period is 700 now"]
+    configuration, said, _ = _changed(kind, evt3_packet(), rate_limiter=0)
+    assert configuration.rate_limiter is None
+    assert said == ["rate_limiter is off now"]
+
+
+def test_a_rate_limiter_keeps_its_numbers_while_it_is_off():
+    configuration, _, source = _changed(
+        "PROPHESEE_EVK3_HD", evt3_packet(), **{"rate_limiter.reference_period_us": 500, "rate_limiter": 0}
+    )
+    assert configuration.rate_limiter is None
+    assert Setting("rate_limiter.reference_period_us", 500, 1, 1023) in source.settings()
+
+
+def test_filters_and_exposure_of_a_davis346_are_settings():
+    wanted = {
+        "polarity_filter": 2, "skip_events_every": 3, "exposure_us": 9_000, "frame_interval_us": 50_000,
+        "activity_filter.mask_isolated_enable": 0, "activity_filter.refractory_period_tau": 12,
+    }  # fmt: skip
+    configuration, said, _ = _changed("INIVATION_DAVIS346", davis_packet(), **wanted)
+    assert configuration.polarity_filter is TYPES["INIVATION_DAVIS346"].PolarityFilter.MASK_ON
+    assert (configuration.skip_events_every, configuration.exposure_us) == (3, 9_000)
+    assert configuration.frame_interval_us == 50_000
+    assert configuration.activity_filter.mask_isolated_enable is False
+    assert configuration.activity_filter.refractory_period_tau == 12
+    assert configuration.activity_filter.mask_isolated_tau == 8, "what was not changed stays"
+    assert "polarity_filter is mask on now" in said
+    assert "activity_filter.mask_isolated_enable is off now" in said
+
+
+def test_readout_and_switched_biases_of_a_dvxplorer_are_settings():
+    configuration, said, _ = _changed(
+        "INIVATION_DVXPLORER", davis_packet(), readout_frames_per_second=8, nrst=1, log_a=0, amp=7
+    )
+    types = TYPES["INIVATION_DVXPLORER"]
+    assert configuration.readout_frames_per_second is types.ReadoutFramesPerSecond.VARIABLE5000
+    assert configuration.biases == types.Biases(amp=7, nrst=True, log_a=False)
+    assert said == [
+        "readout_frames_per_second is variable5000 now", "amp is 7 now", "nrst is on now", "log_a is off now",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "value"),
+    [
+        ("PROPHESEE_EVK4", "rate_limiter.reference_period_us", 1024),
+        ("PROPHESEE_EVK4", "rate_limiter", 2),
+        ("INIVATION_DAVIS346", "polarity_filter", 5),
+        ("INIVATION_DAVIS346", "skip_events_every", -1),
+        ("INIVATION_DVXPLORER", "readout_frames_per_second", 11),
+    ],
+)
+def test_what_a_camera_does_not_take_is_a_sentence(name, setting, value):
+    _, source = _camera(name)
+    with pytest.raises(RecordingError, match=f"{setting} is {value}; this camera takes"):
+        source.change(setting, value)
+
+
+def test_a_setting_that_was_changed_as_the_camera_was_pulled_out_stands_in_the_recording_all_the_same():
+    driver = StandIn([[RuntimeError("NoDevice")], [(davis_packet(), 1)]])
+    source = CameraSource(module=driver)
+    source.change("onbn", 1700)
+    with LiveRecording(source) as live:
+        wait_for(lambda: live.is_over)
+    assert driver.devices[1].configurations[0].biases.onbn == 1700
+    assert "onbn is 1700 now" in [note.text for note in live.notes]
+
+
 def test_a_bias_that_there_is_not_or_that_is_out_of_bounds_is_a_sentence():
     source = CameraSource(module=StandIn([[]]))
-    with pytest.raises(RecordingError, match="no bias is called 'nonsense'; there are localbufbn"):
+    with pytest.raises(RecordingError, match=r"no setting is called 'nonsense'; there are .*localbufbn"):
         source.change("nonsense", 1)
     with pytest.raises(RecordingError, match="onbn is 5000; this camera takes 0 to 2047"):
         source.change("onbn", 5000)

@@ -3,11 +3,14 @@
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import time
 
+import aedat
+import h5py
 import numpy as np
 import pytest
 
@@ -15,14 +18,15 @@ from etnet.errors import RecordingError, WindowError
 from etnet.events.formats.hdf5 import journal
 from etnet.events.open import open_recording
 from etnet.live import buffer as buffer_module
+from etnet.live import windows as windows_module
 from etnet.live.buffer import EVENT_BYTES, Keep
 from etnet.live.hdf5_writer import Hdf5Writer
 from etnet.live.log import log_of, windows_as_cut
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
 from etnet.live.source import Packet, Setting
-from etnet.live.windows import LiveWindows
-from etnet.windows import ByCount
+from etnet.live.windows import KeptWindows, LiveWindows
+from etnet.windows import ByCount, Window
 from tests.live.sources import GivenPackets, cut_up, edges_at, frames_at, make_events, same
 from tests.strategies import SMALL
 
@@ -78,9 +82,6 @@ def test_the_file_holds_the_events_and_frames_that_came(tmp_path, suffix):
 
 
 def test_triggers_lie_in_both_files(tmp_path):
-    import aedat
-    import h5py
-
     events, triggers = make_events(100), edges_at([100, 2_000, 30_000, 30_001])
     packets = [Packet(events[:50]), Packet(events[50:], triggers=triggers)]
     for suffix in SUFFIXES:
@@ -115,6 +116,68 @@ def test_settings_losses_and_faults_stand_in_the_log(tmp_path):
     assert any(line.get("note") == "a fault" for line in lines)
     assert any(line.get("setting") == ["refr", 3] for line in lines)
     assert any(line.get("lost_packets") == 2 for line in lines)
+
+
+class _Settable(GivenPackets):
+    """A source with a number, a switch and a choice."""
+
+    threshold = 3
+
+    def settings(self):
+        return (
+            Setting("threshold", self.threshold, 0, 9),
+            Setting("limiter", 1, 0, 1, is_switch=True),
+            Setting("polarity", 2, 0, 2, ("both", "on", "off")),
+        )
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_all_settings_stand_in_the_log_and_the_file_as_they_were_when_recording_began(tmp_path, suffix):
+    path, source = tmp_path / f"live{suffix}", _Settable([])
+    live = LiveRecording(source)
+    source.threshold = 5
+    live._take(Packet(make_events(10), changed=source.settings()[:1]))
+    with Recorder(live, path):
+        source.threshold = 7
+        live._take(Packet(make_events(10), changed=source.settings()[:1]))
+    lines = [json.loads(line) for line in log_of(path).read_text().splitlines()]
+    told = [tuple(line["setting"]) for line in lines if "setting" in line]
+    assert told == [("threshold", 5), ("limiter", True), ("polarity", "off"), ("threshold", 7)]
+    begun = {"threshold": 5, "limiter": True, "polarity": "off"}
+    if suffix == ".h5":
+        with h5py.File(path) as file:
+            assert json.loads(str(file.attrs["settings"])) == begun
+    else:
+        header = path.read_bytes()[:8_000].decode("utf-8", "replace")
+        assert json.loads(re.findall(r'<attr key="settings" type="string">(.*?)</attr>', header)[0]) == begun
+        assert aedat.Decoder(path) is not None, "another reader takes the header"
+    with open_recording(path) as recording:
+        assert recording.num_events == 10
+
+
+def test_a_note_however_long_leaves_a_log_that_is_read(tmp_path):
+    path, events = tmp_path / "live.h5", make_events(100)
+    live = LiveRecording(GivenPackets([]))
+    windows = LiveWindows(live, ByCount(50))
+    with Recorder(live, path, first=0) as recorder:
+        recorder.follow(windows.kept, "count=50", 1)
+        live._take(Packet(events, notes=('"\x00' * 5_000,)))
+        windows.take(timeout=0)
+    with open_recording(path) as recording:
+        assert len(windows_as_cut(recording).windows) == 1
+
+
+def test_windows_that_are_forgotten_are_not_written_down_as_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(windows_module, "GONE", 100)
+    kept, path = KeptWindows(), tmp_path / "live.h5"
+    for number in range(10_000):
+        kept.append(Window(number, 1_000 + number, 1_001 + number, number, number + 1), 1, first_held=1_000 + number)
+    assert kept.first_known > 0
+    live = LiveRecording(GivenPackets([]))
+    with Recorder(live, path, first=0) as recorder:
+        recorder.follow(kept, "count=1", 1)
+        live._take(Packet(make_events(10)))
+    assert not [line for line in log_of(path).read_text().splitlines() if '"window"' in line]
 
 
 def test_a_disk_that_is_too_slow_costs_events_that_are_counted(tmp_path, monkeypatch):

@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from etnet.errors import RecordingError, WindowError
 from etnet.events.recording import recording_of_events
 from etnet.live import buffer as buffer_module
+from etnet.live import windows as windows_module
 from etnet.live.buffer import EVENT_BYTES, Keep
 from etnet.live.recording import LiveRecording
-from etnet.live.windows import LiveWindows
-from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, plan_windows
+from etnet.live.windows import KeptWindows, LiveWindows
+from etnet.stretch import nearest_window
+from etnet.windows import BetweenFrames, ByCount, ByDensity, ByDuration, Window, plan_windows
 from tests.live.sources import GivenPackets, cut_up, make_events, same, taken_in, wait_for
 from tests.strategies import SMALL
 
@@ -151,3 +153,32 @@ def test_density_counts_the_pixels_that_the_network_sees():
     live = taken_in(cut_up(make_events(240), 240))
     assert SMALL.num_pixels == 240
     assert np.diff([(w := LiveWindows(live, ByDensity(0.5), Sensor(10, 6)).take(timeout=0)).start, w.stop]) == [240]
+
+
+def test_windows_that_left_long_ago_are_forgotten_and_the_others_keep_their_numbers(monkeypatch):
+    monkeypatch.setattr(windows_module, "GONE", 1_000)
+    kept, sizes, held = KeptWindows(), [], 100
+    for number in range(50_000):
+        window = Window(number, 10 * number, 10 * number + 10, 100 * number, 100 * number + 100)
+        kept.append(window, 1 + number % 3, first_held=10 * max(number - held, 0))
+        sizes.append(kept.nbytes)
+    assert max(sizes[25_000:]) == max(sizes[:25_000]), "nothing grows"
+    assert len(kept) == 50_000
+    assert 0 < kept.first_known <= 50_000 - 1_000 - held
+    for number in (kept.first_known, 49_000, 49_999):
+        assert kept[number] == Window(number, 10 * number, 10 * number + 10, 100 * number, 100 * number + 100)
+        assert kept.num_merged(number) == 1 + number % 3
+    forgotten = kept[17]
+    assert (forgotten.index, forgotten.num_events) == (17, 0)
+    assert kept[kept.first_known - 1].t_stop == kept[kept.first_known].t_start, "stamps go on ascending"
+    assert kept.num_merged(17) == 0
+    assert nearest_window(kept, 4_900_060) == 49_000
+
+
+def test_no_window_that_is_still_held_is_forgotten(monkeypatch):
+    monkeypatch.setattr(windows_module, "GONE", 100)
+    kept = KeptWindows()
+    for number in range(20_000):
+        kept.append(Window(number, number, number + 1, number, number + 1), 1, first_held=0)
+    assert kept.first_known == 0
+    assert kept[3].start == 3

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from jaxtyping import UInt8
 
+from app.catalogue.cut import CutRecording, is_live
 from app.engine.downloads import LARGEST, Download, plain_name
 from app.engine.file_writer import Writer
 from app.engine.jobs import Job
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from etnet.export.compared import Runs
     from etnet.export.take import Progress, Take
     from etnet.playback.playback import Playback
+    from etnet.windows import Policy
 
 MOST_WINDOWS = 20_000
 ENDINGS: dict[ExportFormat, str] = {
@@ -131,14 +133,23 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             page = PageConfig(title=take.recording.name, gamma=gamma)
             write_page(take, order.policy, path, page, (), progress, is_cancelled)
         case "session":
-            _refuse_what_passes(take.recording)
+            _refuse_what_passes(take.recording, order.policy)
             at = order.change.run_from
             change = None if at is None or at >= take.stop else Change(at, order.change.intervention)
             write_session(record_session(take, order.policy, change, None, progress, is_cancelled), path)
 
 
-def _refuse_what_passes(recording: Recording) -> None:
-    """Nobody could open it again as it is now."""
+def _refuse_what_passes(recording: Recording, policy: Policy) -> None:
+    """Nobody could open it again as it is now, or cut it as it is cut."""
+    if is_live(recording) or (recording.latest is not None and recording.path is None):
+        raise EtnetError(
+            f"{recording.name}: a live recording passes; press Record, open the file, and take a session of that file"
+        )
+    if isinstance(recording, CutRecording) and policy == recording.policy:
+        raise EtnetError(
+            f"{recording.name}: its windows are those of the live run, which no session plans again; choose the "
+            "windows anew, or use `etnet reconstruct --windows as-cut`, which gives the live frames"
+        )
     if recording.growth is not None:
         raise EtnetError(f"{recording.name}: only a part of it is indexed by now; take its session when all of it is")
     if recording.path is not None and recording.opened_as is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.catalogue.live import LiveShown
 from app.html.elements import empty, escape, panel
 from app.html.live import counts_of, record_button, record_words
-from app.html.units import count, seconds
+from app.html.units import count, milliseconds, seconds
 from app.views.page import Page
 
 MOST_NOTES = 6
@@ -25,6 +25,7 @@ def source_html(page: Page) -> str:
         ("Since the start", f"{seconds(live.seconds, 1)}, {count(live.num_events)} events"),
         ("Held", _held(live)),
         ("Lost or merged", counts_of(live) or "nothing"),
+        ("Driver", _driver(live)),
     ]
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in told if value)
     notes = "".join(f"<li>{seconds(at, 1)}: {escape(text)}</li>" for at, text in reversed(live.notes[-MOST_NOTES:]))
@@ -50,6 +51,14 @@ def _seen(live: LiveShown) -> str:
         return "every pixel"
     side = f"{live.downsample}×{live.downsample}"
     return f"{live.seen} pixels: binned {side}, so that it keeps up; --downsample 1 shows every pixel"
+
+
+def _driver(live: LiveShown) -> str:
+    """How long what comes lies in the camera's driver, and how much of it; empty without a driver."""
+    if live.driver_delay is None:
+        return ""
+    packets = "packet" if live.driver_backlog == 1 else "packets"
+    return f"fetched after {milliseconds(1000 * live.driver_delay)}, {count(live.driver_backlog)} {packets} waiting"
 
 
 def _held(live: LiveShown) -> str:

@@ -25,6 +25,15 @@ class ChangeSetting:
 
 
 @dataclass(frozen=True, slots=True)
+class FollowRate:
+    """Let the biases follow, so that the event rate stays between two rates (Mev/s), or leave them as they are."""
+
+    is_on: bool
+    lowest: float
+    highest: float
+
+
+@dataclass(frozen=True, slots=True)
 class LiveState:
     """Nothing of one page alone."""
 
@@ -40,8 +49,8 @@ def hear(words: str) -> Any:
 
 
 def perform(intent: Any, catalogue: VisitorCatalogue) -> None:
-    """Record, or change a setting, for those who may: the page of anybody else has no such control."""
-    if not isinstance(intent, Record | ChangeSetting) or (feed := catalogue.live_control()) is None:
+    """Record, or change settings, for those who may: the page of anybody else has no such control."""
+    if not isinstance(intent, Record | ChangeSetting | FollowRate) or (feed := catalogue.live_control()) is None:
         return
     match intent:
         case Record("on"):
@@ -50,3 +59,5 @@ def perform(intent: Any, catalogue: VisitorCatalogue) -> None:
             feed.begin(feed.stop_recording)
         case ChangeSetting(name, value):
             feed.begin(lambda: feed.change(name, value))
+        case FollowRate(is_on, lowest, highest):
+            feed.begin(lambda: feed.follow_rate((lowest, highest) if is_on else None))

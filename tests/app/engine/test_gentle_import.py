@@ -47,10 +47,8 @@ def test_an_import_waits_until_a_page_has_asked_for_its_frame(package, monkeypat
 
 
 def test_after_the_start_a_browser_that_has_waited_comes_first(package, monkeypatch):
-    monkeypatch.setattr(gentle_import, "COMING", 20.0)
     monkeypatch.setattr(gentle_import, "MOST_PAUSES", 20.0)
-    gentle, done = GentleImport(), threading.Event()
-    gentle.pages_may_come()
+    gentle, done = GentleImport(coming=20.0), threading.Event()
     thread = threading.Thread(target=importing, args=(gentle, done))
     thread.start()
     assert not done.wait(0.1)

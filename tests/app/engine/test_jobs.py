@@ -161,15 +161,27 @@ def test_while_windows_pass_nobody_is_asked_what_is_wanted_unless_more_than_the_
         return wanted
 
     state = ViewState(recording_id="r")
-    asked.follow(state, False, jobs)
+    asked.ask(state, False, jobs)
     for index in range(1, 5):
-        asked.follow(replace(state, index=index), True, jobs)
+        asked.ask(replace(state, index=index), True, jobs)
     assert len(told) == 1
     wanted = {"a": two}
-    asked.follow(replace(state, index=5, tab="another"), True, jobs)
+    asked.ask(replace(state, index=5, tab="another"), True, jobs)
     assert engine.calls == [("job", "a", one), ("job", "b", one), ("drop", "b")], "no new question in a drag"
-    asked.follow(replace(state, index=5, tab="another"), False, jobs)
+    asked.ask(replace(state, index=5, tab="another"), False, jobs)
     assert engine.calls[-1] == ("job", "a", two)
+
+
+def test_while_a_source_is_followed_only_what_no_window_changes_is_asked():
+    engine, news = Recorder(), []
+    asked = VisitorJobs(engine, "ada", news.append)
+    pinned = Counting(request(1))
+    asked.want({"a": Counting(request(4))})
+    for index in (5, 5, 6, 6, 7):
+        asked.follow({"a": Counting(request(index)), "pin": pinned}, index)
+    assert engine.calls == [("job", "a", Counting(request(4))), ("job", "pin", pinned)]
+    asked.follow({"a": Counting(request(8))}, 8)
+    assert engine.calls[-1] == ("drop", "pin")
 
 
 def test_news_of_a_question_that_is_no_longer_asked_is_no_news():

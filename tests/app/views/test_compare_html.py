@@ -34,7 +34,7 @@ def run(moment, number, level=0.5, lag=0, values=None):
     request = FrameRequest("a", f"m{number}", "fp32", moment.policy, 7)
     frame = np.full((SENSOR.height, SENSOR.width), level, np.float32)
     ready = Ready(request, frame, None, 3.0, True, False, False, CONTRACT, 7)
-    truth = Truth(8, lag)
+    truth = Truth(8, lag, 100_000 + lag)
     return RunShown(
         number,
         Run(),

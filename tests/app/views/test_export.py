@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
+from app.catalogue.cut import with_cut
 from app.engine.downloads import Download
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
@@ -42,6 +43,7 @@ from etnet.export.session_file import record_session, write_session
 from etnet.export.table import write_table
 from etnet.export.take import Beside, Take
 from etnet.export.video import write_gif, write_video
+from etnet.live.buffer import Keep, LiveBuffer
 from etnet.nets.intervention import Intervention
 from etnet.nets.runtime import contract_of
 from etnet.playback.playback import Playback
@@ -247,6 +249,21 @@ def test_no_session_is_made_of_what_nobody_can_open_again(changed):
     at.playback.recording = replace(at.playback.recording, **changed)
     with pytest.raises(EtnetError, match=r"simulated video is gone with its page|a part of it is indexed"):
         made(job, at)
+
+
+@pytest.mark.parametrize("is_live", [True, False])
+def test_no_session_is_made_of_a_live_recording_nor_of_windows_that_no_plan_gives_again(is_live):
+    job, at = ordered(format="session"), loaded()
+    extent = LiveBuffer(at.playback.recording.sensor, Keep()).extent if is_live else None
+    at.playback.recording = with_cut(at.playback.recording, BetweenFrames(), at.playback.windows, extent)
+    with pytest.raises(EtnetError, match=r"press Record, open the file" if is_live else r"--windows as-cut"):
+        made(job, at)
+
+
+def test_a_session_is_made_of_a_recorded_file_whose_windows_were_chosen_anew():
+    job, at = ordered(format="session", first=1, last=3), loaded()
+    at.playback.recording = with_cut(at.playback.recording, ByDuration(77), at.playback.windows)
+    assert made(job, at).content == made(job).content
 
 
 def test_who_cancels_leaves_no_thread_and_no_file(tmp_path, monkeypatch):

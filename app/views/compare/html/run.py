@@ -28,10 +28,14 @@ SAME_TIME = 1_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The camera frame that a run's frame is held against; `lag`: how much later it was taken, µs."""
+    """The camera frame that a run's frame is held against; `lag`: how much later it was taken, µs.
+
+    Its stamp (µs) names it: frames of a live recording change their numbers when the first ones are forgotten.
+    """
 
     index: int
     lag: int
+    stamp: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +152,8 @@ def truth_of(moment: Moment, window: Window | None, offset: int) -> Truth | None
     if source is None or len(source) == 0 or window is None:
         return None
     index = source.nearest(window.t_stop - offset)
-    return Truth(index, int(source.stamps[index]) + offset - window.t_stop)
+    stamp = int(source.stamps[index])
+    return Truth(index, stamp + offset - window.t_stop, stamp)
 
 
 def cleaning_words(cleaning: Cleaning) -> str:
@@ -166,7 +171,7 @@ def truth_frame(moment: Moment, truth: Truth | None) -> Float32[np.ndarray, "h w
     source = moment.recording.ground_truth
     if truth is None or source is None:
         return None
-    key = ("truth", moment.recording_id, truth.index)
+    key = ("truth", moment.recording_id, truth.stamp)
     frame = ARRAYS.get(key, lambda: source.read_frame(truth.index), lambda made: made.nbytes)
     size = (moment.recording.sensor.height, moment.recording.sensor.width)
     return frame if frame.shape == size else None

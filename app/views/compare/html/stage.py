@@ -99,7 +99,7 @@ class _Draw:
     def _frame_of_camera(self, truth: Float32[np.ndarray, "h w"]) -> str:
         main = self._main
         assert main.truth is not None
-        key = ("camera", self._moment.recording_id, main.truth.index, main.tones)
+        key = ("camera", self._moment.recording_id, main.truth.stamp, main.tones)
 
         def encoded() -> str:
             return data_url(tone_map(truth, main.tones.tone, main.tones.is_linear_light), is_lossless=False)
@@ -113,7 +113,7 @@ class _Draw:
             return empty("No error", "There is no ground truth of the sensor’s size.")
         if ready is None or ready.frame.shape != truth.shape:
             return self._frame(run)
-        key = ("error", ready.key, self._moment.recording_id, run.truth.index)
+        key = ("error", ready.key, self._moment.recording_id, run.truth.stamp)
         return self._signed(key, lambda: ready.frame - truth, f"Run {run.name} minus camera", not run.is_there)
 
     def _difference(self, run: RunShown) -> str:

@@ -66,6 +66,73 @@ def test_a_page_on_the_machine_itself_changes_a_bias_and_a_refusal_is_one_line()
         asyncio.run(visit(viewer))
 
 
+class ManyKindsSource(SettableSource):
+    """A source with a switch, a choice and a wide range, whose biases can follow the rate."""
+
+    kind = "evk4"
+
+    def __init__(self):
+        super().__init__()
+        self.held = {
+            "rate_limiter": Setting("rate_limiter", 0, 0, 1, is_switch=True),
+            "rate_limiter.events": Setting("rate_limiter.events", 700, 1, 4_000_000),
+            "polarity_filter": Setting("polarity_filter", 0, 0, 2, ("disabled", "flatten", "mask on")),
+            "diff_on": Setting("diff_on", 20, 0, 255),
+        }
+
+    def settings(self):
+        return tuple(self.held.values())
+
+    def change(self, name, value):
+        self.held[name] = replace(self.held[name], value=value)
+
+
+def test_switches_choices_and_wide_ranges_have_widgets_of_their_own():
+    source = ManyKindsSource()
+
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown('data-testid="is-live"')
+            await press(browser, "tab:live")
+            await browser.until(lambda: any(p.get("label") == "diff on" for p in browser.widgets.values()))
+            for label, chosen, name, value in (
+                ("rate limiter", True, "rate_limiter", 1),
+                ("rate limiter: events", 12_345, "rate_limiter.events", 12_345),
+                ("polarity filter", "mask on", "polarity_filter", 2),
+                ("diff on", 33, "diff_on", 33),
+            ):
+                await browser.use(browser.widget(label), chosen)
+                await browser.until(lambda name=name, value=value: source.held[name].value == value)
+            source.change("polarity_filter", 1)
+            await browser.until(lambda: browser.widgets[browser.widget("polarity filter")]["value"] == "flatten")
+
+    with live_viewer(source) as viewer:
+        asyncio.run(visit(viewer))
+
+
+def test_biases_are_let_follow_the_rate_and_left_alone_again_in_the_page():
+    source = ManyKindsSource()
+
+    async def visit(viewer):
+        async with Browser.open(viewer.port) as browser:
+            await browser.until_shown('data-testid="is-live"')
+            await press(browser, "tab:live")
+            await browser.until(lambda: any(p.get("label") == "at most (Mev/s)" for p in browser.widgets.values()))
+            assert viewer.feed.live.follower is None
+            await browser.use(browser.widget("at least (Mev/s)"), 200.0)
+            await browser.use(browser.widget("at most (Mev/s)"), 300.0)
+            await browser.use(browser.widget("biases follow the event rate"), True)
+            await browser.until(lambda: viewer.feed.shown(None, True).followed == (200.0, 300.0))
+            await browser.until(lambda: source.held["diff_on"].value < 20)  # too few events: the threshold falls
+            await browser.use(browser.widget("at most (Mev/s)"), 100.0)
+            await browser.until_shown("the first is the lower one")
+            await browser.use(browser.widget("biases follow the event rate"), False)
+            await browser.until(lambda: viewer.feed.live.follower is None)
+
+    with live_viewer(source) as viewer:
+        asyncio.run(visit(viewer))
+
+
 @pytest.mark.parametrize("how", [{"public_url": "https://show.example"}, {"is_demo": True}])
 def test_others_neither_record_nor_change_settings_but_they_look(tmp_path, monkeypatch, how):
     monkeypatch.chdir(tmp_path)
@@ -79,7 +146,8 @@ def test_others_neither_record_nor_change_settings_but_they_look(tmp_path, monke
             await press(browser, "tab:live")
             await press(browser, "pixel", 0.25, 0.5)
             await browser.until(lambda: viewer.page.state.query == (10, 14))  # what came before it was heard, too
-            assert all(props.get("label") != "bias diff" for props in browser.widgets.values())
+            labels = {props.get("label") for props in browser.widgets.values()}
+            assert not labels & {"bias diff", "biases follow the event rate"}
             assert viewer.feed.shown(None, False).recording is None
 
     with live_viewer(source, **how) as viewer:

@@ -40,6 +40,7 @@ class LiveViewer:
     engine: Engine
     catalogue: Catalogue
     sessions: dict
+    default: ViewState
 
     @property
     def page(self):
@@ -67,7 +68,7 @@ def live_viewer(source=None, keep=None, record=None, view=lambda state: state, p
     server = start_server(Address(), free_port("127.0.0.1", 18_700), visit)
     feed.start()
     try:
-        yield LiveViewer(server.get_port(), feed, engine, catalogue, sessions)
+        yield LiveViewer(server.get_port(), feed, engine, catalogue, sessions, default)
     finally:
         server.stop()
         engine.stop()
