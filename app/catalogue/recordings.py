@@ -26,6 +26,7 @@ from app.catalogue.part_id import known_as, whole_id
 from app.catalogue.recording_id import listed_id, stated_in, view_in
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
+from app.catalogue.visitor_uploads import MEGABYTE, UNPACKED, UploadError
 from app.config import ViewerConfig
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
@@ -44,8 +45,6 @@ KEPT_OPEN = 6
 LOOK_EVERY = 1.0
 """Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
 _PATIENCE = 20
-_UNPACKED = 4
-"""A visitor's file may unpack to so many times what a visitor may hand over."""
 OPENS_WITHIN = 1.0
 """Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
 RUNNABLE_PIXELS = 160_000
@@ -288,10 +287,24 @@ class Catalogue:
     def _opened_apart(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> OpenedApart:
         from app.catalogue.opening_apart import open_apart
 
-        largest = _UNPACKED * ((self._config.upload_megabytes or 1) << 20)
-        return open_apart(
-            entry.path, stated, largest, progress or (lambda share: None), lambda: entry.id in self._private
-        )
+        is_wanted = partial(self._is_wanted, entry)
+        largest = UNPACKED * MEGABYTE * (self._config.upload_megabytes or 1)
+        if entry.unpacking is not None:
+            entry.unpacking.check_unpacked(entry.title, 1)
+            largest = min(largest, entry.unpacking.left_unpacked)
+        apart = open_apart(entry.path, stated, largest, progress or (lambda share: None), is_wanted)
+        try:
+            is_wanted()  # another one may have been opened meanwhile
+        except UploadError:
+            apart.remove()
+            raise
+        return apart
+
+    def _is_wanted(self, entry: Entry) -> bool:
+        """Whether the visitor of a file is still here. An error where too much has been made of their files."""
+        if entry.unpacking is not None:
+            entry.unpacking.check_unpacked(entry.title)
+        return entry.kind != "upload" or entry.id in self._private
 
     def can_be_stated(self, entry: Entry) -> bool:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
@@ -333,16 +346,17 @@ class Catalogue:
         # A visitor's goes with the visitor.
         folder = video.parent if entry.kind == "upload" else self._scratch.path
         made = folder / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
+
+        def is_cancelled() -> bool:
+            return not self._is_wanted(entry)
+
         if not made.exists() and self.is_strangers(entry):
             from app.catalogue.video_apart import FootageApart
-
-            def is_cancelled() -> bool:
-                return entry.id not in self._private
 
             with closing(FootageApart(video, config, is_cancelled)) as footage:
                 simulate_footage(footage, made, config, progress, is_cancelled)
         elif not made.exists():
-            simulate_video(video, made, config, progress)
+            simulate_video(video, made, config, progress, is_cancelled)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
         said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"
         return made, (Remark("assumed", said),)

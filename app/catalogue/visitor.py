@@ -74,7 +74,9 @@ class VisitorCatalogue:
             return  # the one who opens it is told
         if self._shared.is_film(entry):
             is_strangers = self._shared.is_strangers(entry)
-            self._shared.films.begin(self._visitor, recording_id, entry.path, entry.title, is_strangers)
+            self._shared.films.begin(
+                self._visitor, recording_id, entry.path, entry.title, is_strangers, entry.unpacking
+            )
         else:
             self._shared.films.watch(self._visitor, None)
 

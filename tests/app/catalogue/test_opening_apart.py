@@ -114,8 +114,23 @@ def test_it_ends_with_its_visitor(tmp_path):
 
 def test_what_unpacks_to_too_much_is_refused(tmp_path):
     write_recording(recording(num_events=200_000), tmp_path / "a.csv")
-    with pytest.raises(EtnetError):
+    with pytest.raises(EtnetError, match=r"^a\.csv: unpacks to more"):
         opened(tmp_path / "a.csv", largest=100_000)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_nothing_is_left_of_one_that_its_visitors_account_stops(tmp_path):
+    write_recording(recording(num_events=200_000), tmp_path / "a.csv")
+
+    def is_wanted():
+        if any(path.name != "a.csv" for path in tmp_path.iterdir()):
+            raise EtnetError("no room")
+        return True
+
+    with pytest.raises(EtnetError, match="no room"):
+        opened(tmp_path / "a.csv", is_wanted=is_wanted)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+    assert children() == []
 
 
 @pytest.mark.parametrize("is_open", [True, False])
