@@ -14,8 +14,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from app.catalogue.binning import opened_to_fit
 from app.catalogue.cut import CutRecording
 from app.catalogue.entries import Entry, called_by_its_name, listed, under_its_name
 from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of
@@ -47,8 +48,6 @@ LOOK_EVERY = 1.0
 _PATIENCE = 20
 OPENS_WITHIN = 1.0
 """Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
-RUNNABLE_PIXELS = 160_000
-"""Above it a step of the default network takes seconds on two cores; 480×320 is below, 640×480 above."""
 DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
@@ -257,19 +256,13 @@ class Catalogue:
                 apart = self._opened_apart(entry, stated, progress)
                 path, stated = apart.path, NOTHING_ASSUMED
             asked = self._config.downsample if view is None else view.downsample
+            seen = self._config.view(asked or 1) if view is None else view
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
-            recording = opened(view=self._config.view(asked or 1) if view is None else view)
-            whole, factor = recording.sensor, runnable_downsample(recording.sensor.num_pixels)
-            is_binned = asked is None and factor > 1
-            if is_binned:
-                recording.close()
-                recording = opened(view=self._config.view(factor))
+            recording, binned = opened_to_fit(lambda seen: opened(view=seen), seen, asked is not None)
             if apart is not None:
                 recording = apart.completed(recording)
-            if is_binned:
-                binned = f"binned {factor}×{factor} of {whole}"
-                text = f"{binned} so that the network keeps up; --downsample 1 shows every pixel"
-                recording = _with_remark(recording, Remark("assumed", text))
+            if binned is not None:
+                recording = replace(recording, remarks=(*recording.remarks, binned))
         except EtnetError as error:
             raise under_its_name(error, entry) from error
         except Exception as error:
@@ -373,14 +366,3 @@ def suited_policy(recording: Recording) -> Policy:
         return recording.policy
     truth = recording.ground_truth
     return BetweenFrames() if truth is not None and len(truth) > 1 else ByDensity(DEFAULT_DENSITY)
-
-
-def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
-    """The least downsampling that brings a sensor to a size that runs; 4 for all that is larger."""
-    if num_pixels <= RUNNABLE_PIXELS:
-        return 1
-    return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
-
-
-def _with_remark(recording: Recording, remark: Remark) -> Recording:
-    return replace(recording, remarks=(*recording.remarks, remark))
