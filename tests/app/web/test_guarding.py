@@ -76,6 +76,21 @@ def test_a_page_that_does_not_say_where_it_looks_is_cut(viewer, monkeypatch):
     assert time.monotonic() - began < 4
 
 
+@pytest.mark.parametrize("theirs", [f"{PROTOCOL}-other", "viser-v0.0.1", None])
+def test_a_page_of_another_version_is_told_so_and_not_which_one_runs_here(viewer, theirs):
+    async def story():
+        subprotocols = None if theirs is None else [theirs]
+        async with connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=subprotocols) as page:
+            with contextlib.suppress(ConnectionClosed):
+                await asyncio.wait_for(page.recv(), 60)
+            return page.close_code, page.close_reason
+
+    code, reason = asyncio.run(story())
+    assert code == 1002
+    assert "load it again" in reason
+    assert viser.__version__ not in reason
+
+
 def test_an_address_has_a_limit_of_pages(viewer, monkeypatch):
     monkeypatch.setattr(guarding, "MOST_SOCKETS", 2)
 
