@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -19,12 +18,16 @@ from etnet.events.formats.column_finder import Found, called, find_events
 from etnet.events.formats.hdf5.file import open_file
 from etnet.events.formats.hdf5.tree import check_columns, outline, tree_of
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.plain_values import PlainError, bounded_json
 
 LARGEST_V5 = 4 << 30
 """Bytes of a v5 file: the format itself ends there."""
 
 LONGEST_V5 = 120
 """Seconds that reading one may take."""
+
+_LONGEST_ANSWER = 4 << 20
+"""Characters that may be said of a file: the names of its variables above all."""
 
 
 def _open_v5(request: Request) -> Opened:
@@ -68,7 +71,10 @@ def _copy_columns(request: Request, folder: Path) -> dict[str, Any]:
         lines = child.stderr.strip().splitlines()
         reason = lines[-1][:200] if lines and child.returncode == 1 else "it ended the reader"
         raise RecordingError(f"{request.name}: cannot read the MATLAB file ({reason}); it may be truncated or damaged")
-    return json.loads(child.stdout)
+    try:
+        return bounded_json(child.stdout, _LONGEST_ANSWER)
+    except PlainError as error:
+        raise RecordingError(f"{request.name}: cannot read the MATLAB file (what is said of it {error})") from None
 
 
 def _without_columns(request: Request, there: str) -> RecordingError:
