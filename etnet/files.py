@@ -18,7 +18,6 @@ from etnet.errors import EtnetError
 
 UNFINISHED = "unfinished"
 """What a temporary file's name has: `.<target>.<process>.<random>.unfinished<suffix>`."""
-_FOLDERS = re.compile(r"(?<![\w./:])/(?:[^/\s:'\"]+/)+")
 _LEFT = re.compile(rf"\..*\.([0-9]+)\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
 
 
@@ -127,11 +126,6 @@ def printable(name: object) -> str:
             "utf-8", "backslashreplace"
         )
     return text
-
-
-def without_paths(text: str) -> str:
-    """A message in which files are named and folders are not."""
-    return _FOLDERS.sub("", text)
 
 
 def in_megabytes(num_bytes: int) -> str:

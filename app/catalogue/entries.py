@@ -14,7 +14,8 @@ from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.recording import Recording
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached
-from etnet.files import in_megabytes, printable, without_paths
+from etnet.files import in_megabytes, printable
+from etnet.without_paths import without_paths
 
 Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded", "mirror"]
 
@@ -51,8 +52,8 @@ class Entry:
 
 def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
     """The same error without a folder of this machine; of a visitor's file, by the name they gave it."""
-    said = _named(str(error), entry) if entry.kind == "upload" else str(error)
-    plain = printable(without_paths(said))
+    plain = without_paths(str(error))
+    plain = printable(_named(plain, entry) if entry.kind == "upload" else plain)
     return error if plain == str(error) else RecordingError(plain)
 
 

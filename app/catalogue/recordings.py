@@ -34,7 +34,6 @@ from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Recording, Remark
 from etnet.events.samples import fetch
-from etnet.files import without_paths
 from etnet.private_folder import PrivateFolder
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
@@ -266,7 +265,8 @@ class Catalogue:
         except EtnetError as error:
             raise under_its_name(error, entry) from error
         except Exception as error:
-            raise RecordingError(f"{entry.title}: cannot be opened ({without_paths(str(error))[:300]})") from error
+            said = " ".join(str(error).split())[:300]
+            raise under_its_name(RecordingError(f"{entry.title}: cannot be opened ({said})"), entry) from error
         if told:  # a simulated video lies in a scratch file, which nobody opens again
             recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
         recording = called_by_its_name(recording, entry)

@@ -1,7 +1,7 @@
 """What a page, a link or a browser's storage says is a stranger's word: it is checked by the field that it is for.
 
-`number`, `whole`, `text` and `passing` make fields that say more than their type does; `etnet.plain_values` looks at the
-values. Nothing here raises anything but ValueError.
+`number`, `whole`, `text` and `passing` make fields that say more than their type does; `etnet.plain_values` looks at
+the values. Nothing here raises anything but ValueError.
 """
 
 from __future__ import annotations
