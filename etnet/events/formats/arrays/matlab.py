@@ -13,11 +13,12 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.formats.arrays import matlab_child
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.bounds import FREE_SIZE, MAX_RATIO
+from etnet.events.formats.bounds import FREE_SIZE, MAX_RATIO, at_most
 from etnet.events.formats.column_finder import Found, called, find_events
 from etnet.events.formats.hdf5.file import open_file
 from etnet.events.formats.hdf5.tree import check_columns, outline, tree_of
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.events.formats.unchanged import Unchanged
 from etnet.plain_values import PlainError, bounded_json
 
 LARGEST_V5 = 4 << 30
@@ -50,7 +51,7 @@ def _open_v5(request: Request) -> Opened:
 
 def _copy_columns(request: Request, folder: Path) -> dict[str, Any]:
     """Let a process of its own read the file: on some damaged files scipy's reader crashes the interpreter."""
-    unpacked = max(FREE_SIZE, MAX_RATIO * request.path.stat().st_size)
+    unpacked = max(at_most(FREE_SIZE), MAX_RATIO * request.path.stat().st_size)
     command = [
         sys.executable,
         "-P",
@@ -93,13 +94,14 @@ def _say_others(others: list[str], remarks: Remarks) -> None:
 def _open_v73(request: Request) -> Opened:
     remarks = Remarks()
     file = open_file(request)
+    unchanged = Unchanged(request)
     with contained(request.name, "the MATLAB file"):
         tree = tree_of(file, request.name)
         found = find_events(tree, remarks)
         if found is None:
             raise _without_columns(request, outline(file))
         check_columns(file, set(found.paths), request.name)
-    return _open_found(request, "MATLAB v7.3", found, remarks)
+    return unchanged.guarding(_open_found(request, "MATLAB v7.3", found, remarks))
 
 
 def _open_found(request: Request, kind: str, found: Found, remarks: Remarks) -> Opened:
