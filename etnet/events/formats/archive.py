@@ -50,7 +50,7 @@ class FolderStore:
     def __init__(self, folder: Path) -> None:
         self._folder = folder.resolve()
         self._label = folder.name
-        self._signs: dict[str, tuple[int, int]] = {}
+        self._signs: dict[str, Sign] = {}
         """Of each file that was listed or opened, as it was then."""
 
     def names(self) -> tuple[str, ...]:
@@ -94,12 +94,15 @@ class FolderStore:
         return path
 
 
-def sign_of(status: os.stat_result) -> tuple[int, int]:
-    """What is another one when a file was written to, wherever it lies, and whether it still does."""
-    return status.st_size, status.st_mtime_ns
+Sign = tuple[int, int, int]
 
 
-def _sign_of_file(path: Path) -> tuple[int, int] | None:
+def sign_of(status: os.stat_result) -> Sign:
+    """What is another one when a file was written to, or when it is another file."""
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _sign_of_file(path: Path) -> Sign | None:
     """None for what is no regular file, or has gone."""
     try:
         status = path.stat()
