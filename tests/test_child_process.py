@@ -55,7 +55,8 @@ def has_ended(status):
 @contextlib.contextmanager
 def started(code, folder, **environment):
     """A process that runs `code` and may start others; it is killed in the end."""
-    settings = {**os.environ, "PYTHONPATH": str(ROOT), "ETNET_CACHE": str(folder / "cache"), **environment}
+    settings = {**os.environ, "PYTHONPATH": str(ROOT), "ETNET_CACHE": str(folder / "cache"), "TMPDIR": str(folder)}
+    settings |= environment
     with subprocess.Popen([sys.executable, "-c", code], env=settings, stdout=subprocess.PIPE, text=True) as parent:
         try:
             yield parent

@@ -33,7 +33,7 @@ def hostile(tmp_path, monkeypatch):
             f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit(7)\n"
         )
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    monkeypatch.setattr(sys, "path", [*sys.path, ""])  # as of whoever started Python there
     yield folder
     assert not (tmp_path / "ran").exists(), (tmp_path / "ran").read_text()
 
