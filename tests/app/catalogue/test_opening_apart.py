@@ -1,5 +1,6 @@
 """A stranger's file is opened in a process of its own: its cost is limited, and what goes wrong is one sentence."""
 
+import json
 import os
 import time
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from app.catalogue import opening_apart
+from app.catalogue.child_process import end, started
 from app.catalogue.entries import Entry
 from app.catalogue.opening_apart import open_apart
 from app.catalogue.plain_tables import read_tables, write_tables
@@ -101,6 +103,25 @@ def test_a_crash_or_a_limit_is_one_sentence(tmp_path, monkeypatch, child, why):
     with pytest.raises(EtnetError, match=why):
         opened(tmp_path / "a.csv")
     assert children() == []
+
+
+LIMITS = """
+import json, resource
+from app.catalogue.limited import told_and_limited
+told_and_limited()
+names = ("RLIMIT_AS", "RLIMIT_CPU", "RLIMIT_FSIZE", "RLIMIT_CORE")
+print(json.dumps([resource.getrlimit(getattr(resource, name))[0] for name in names]))
+"""
+
+
+def test_a_process_that_reads_a_strangers_file_has_its_limits(tmp_path):
+    (tmp_path / "child.py").write_text(LIMITS)
+    child = started(str(tmp_path / "child.py"), {"seconds": opening_apart.SECONDS, "bytes": 12_345}, tmp_path)
+    try:
+        assert json.loads(child.stdout.read()) == [3 << 30, 60, 12_345, 0]
+    finally:
+        end(child)
+        child.stdout.close()
 
 
 def test_it_ends_with_its_visitor(tmp_path):

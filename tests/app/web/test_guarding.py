@@ -5,11 +5,13 @@ import contextlib
 import logging
 import socket
 import time
+from types import SimpleNamespace
 
 import msgspec
 import pytest
 import viser
 from websockets.asyncio.client import connect
+from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.web import guarded_connection, guarding
@@ -89,6 +91,25 @@ def test_a_page_of_another_version_is_told_so_and_not_which_one_runs_here(viewer
     assert code == 1002
     assert "load it again" in reason
     assert viser.__version__ not in reason
+
+
+@pytest.mark.parametrize(
+    ("peer", "behind_proxy", "forwarded", "address"),
+    [
+        ("10.0.0.7", False, ["1.2.3.4"], "10.0.0.7"),
+        ("10.0.0.7", True, ["1.2.3.4"], "10.0.0.7"),  # no proxy of this machine
+        ("127.0.0.1", False, ["1.2.3.4"], "127.0.0.1"),
+        ("127.0.0.1", True, [], "127.0.0.1"),
+        ("127.0.0.1", True, ["1.2.3.4"], "1.2.3.4"),
+        ("::1", True, ["the visitor says 9.9.9.9, 1.2.3.4"], "1.2.3.4"),
+        ("127.0.0.1", True, ["9.9.9.9", "8.8.8.8, 1.2.3.4"], "1.2.3.4"),
+        ("127.0.0.1", True, ["x" * 5000], "x" * 64),
+    ],
+)
+def test_an_address_is_the_peers_or_what_the_proxy_on_this_machine_saw_itself(peer, behind_proxy, forwarded, address):
+    headers = Headers([("X-Forwarded-For", value) for value in forwarded])
+    request = SimpleNamespace(headers=headers)
+    assert guarding.address_of(SimpleNamespace(remote_address=(peer, 5)), request, behind_proxy) == address
 
 
 def test_an_address_has_a_limit_of_pages(viewer, monkeypatch):
