@@ -80,10 +80,14 @@ def killed_while_its_child_stands_still(parent, is_at_work):
     until(lambda: has_ended(Path(f"/proc/{child}/stat")))
 
 
-def has_loaded(word):
+def runs(script, library):
+    """Whether a process runs a script and is so far that it has loaded a library; it took its limits before."""
+
     def look(process):
         with contextlib.suppress(OSError):
-            return word in Path(f"/proc/{process}/maps").read_text()
+            # Before it runs anything of its own a child is a copy of its parent.
+            is_script = script in Path(f"/proc/{process}/cmdline").read_text()
+            return is_script and library in Path(f"/proc/{process}/maps").read_text()
         return False
 
     return look
@@ -95,7 +99,7 @@ def test_the_reader_of_a_matlab_file_ends_with_a_process_that_is_killed(tmp_path
     scipy.io.savemat(tmp_path / "a.mat", columns)
     code = f"from etnet.events.open import open_recording; open_recording({str(tmp_path / 'a.mat')!r})"
     with started(code, tmp_path) as parent:
-        killed_while_its_child_stands_still(parent, has_loaded("scipy"))
+        killed_while_its_child_stands_still(parent, runs("matlab_child", "scipy"))
 
 
 @ON_LINUX
@@ -108,7 +112,7 @@ from etnet.events.assumptions import NOTHING_ASSUMED
 open_apart(Path({str(tmp_path / "a.csv")!r}), NOTHING_ASSUMED, 1 << 26, lambda share: None, lambda: True)
 """
     with started(code, tmp_path) as parent:
-        killed_while_its_child_stands_still(parent, has_loaded("numpy"))
+        killed_while_its_child_stands_still(parent, runs("opening_child", "numpy"))
 
 
 @ON_LINUX

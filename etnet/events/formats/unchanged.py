@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
@@ -20,16 +21,16 @@ class Unchanged:
 
     def __init__(self, request: Request) -> None:
         self._name = request.name
-        self._file = request.resources.enter_context(request.path.open("rb", buffering=0))
-        self._sign = sign_of(os.fstat(self._file.fileno()))
+        self._descriptor = os.open(request.path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+        self._end = weakref.finalize(self, os.close, self._descriptor)
+        request.resources.callback(self._end)
+        self._sign = sign_of(os.fstat(self._descriptor))
 
     def check(self) -> None:
         """An error where it has changed."""
-        try:
-            is_same = sign_of(os.fstat(self._file.fileno())) == self._sign
-        except (OSError, ValueError):  # closed, with the recording
-            raise RecordingError(f"{self._name}: is closed; open it again") from None
-        if not is_same:
+        if not self._end.alive:
+            raise RecordingError(f"{self._name}: is closed; open it again")
+        if sign_of(os.fstat(self._descriptor)) != self._sign:
             raise RecordingError(f"{self._name}: was changed while it was open; open it again")
 
     def during(self, act: Callable[[], Read]) -> Read:

@@ -205,12 +205,24 @@ def test_frames_without_a_message_end_their_connection(viewer, first, frame):
                 pass
 
 
+async def moved(page, *indices):
+    """Seconds until each of these windows is on the page."""
+    took = []
+    for index in indices:
+        began = time.monotonic()
+        await page.use(page.widget("Window"), index)
+        await page.until_shown(f"window {index} ")
+        took.append(time.monotonic() - began)
+    return took
+
+
 def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
     async def story():
         async with Browser.open(viewer.port, tab=33) as other, Browser.open(viewer.port, tab=34) as flood:
             await other.until_shown("Reconstruction")
             await flood.until_shown("Reconstruction")
             slider = flood.widget("Window")
+            alone = await moved(other, 3, 8, 13, 18, 23)
 
             async def send():
                 with contextlib.suppress(ConnectionClosed):
@@ -218,14 +230,10 @@ def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
                         await flood.use(slider, i % 29)
 
             sending = asyncio.create_task(send())
-            took = []
-            for index in (4, 9, 14, 19, 24):
-                began = time.monotonic()
-                await other.use(other.widget("Window"), index)
-                await other.until_shown(f"window {index} ")
-                took.append(time.monotonic() - began)
+            beside = await moved(other, 4, 9, 14, 19, 24)
             sending.cancel()
-            assert sorted(took)[2] < 1.5
+            print(sorted(alone), sorted(beside))
+            assert sorted(beside)[2] < 1.5
 
     asyncio.run(story())
 

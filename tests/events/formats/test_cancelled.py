@@ -1,4 +1,4 @@
-"""Opening can be given up in every format: between two parts of the file, and nothing is left of it."""
+"""Opening can be given up in every format: between two parts of the file or at its end, and nothing is left of it."""
 
 import gzip
 import tempfile
@@ -15,10 +15,6 @@ from tests.strategies import make_events
 
 WRITTEN = ["a.txt", "a.csv", "a.txt.gz", "a.raw", "a.es", "a.aedat4", "a.npz", "a.h5"]
 REAL = [name for name, (_, num_events, _) in COUNTS.items() if num_events]
-
-
-class Given(Exception):
-    """Stands for whatever a caller raises to stop."""
 
 
 def stop(_):
