@@ -16,6 +16,7 @@ from etnet.nets.weights import save_weights
 from etnet.training.config import Stage
 from etnet.training.loop import train
 from tests.app.stand_ins import recording
+from tests.evaluation.recordings import made_up, write_event_utils
 from tests.export.recordings_made_up import made_up_model
 from tests.nets.test_pienet import released
 from tests.simulation.pictures_made_up import made_up_pool
@@ -137,9 +138,10 @@ def test_simulations_of_a_video(tmp_path, capsys, name):
     assert refused(["simulate", out, "--video", film], out, capsys, 3_000) == []
 
 
-def test_evaluations(tmp_path, sample, weights, capsys):
+def test_evaluations(tmp_path, weights, capsys):
+    write_event_utils(made_up(num_frames=4), tmp_path / "one.h5")
     out = tmp_path / "out" / "e"
-    command = ["evaluate", weights, sample, "--out", out, "--judge", "alex", "--flow", "file"]
+    command = ["evaluate", weights, tmp_path / "one.h5", "--out", out, "--judge", "alex", "--flow", "file"]
     assert refused(command, out, capsys, 100) == []
 
 
