@@ -232,8 +232,9 @@ def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
             sending = asyncio.create_task(send())
             beside = await moved(other, 4, 9, 14, 19, 24)
             sending.cancel()
-            print(sorted(alone), sorted(beside))
             assert sorted(beside)[2] < 1.5
+            # The first one waits for the burst that a page may send at once, and for this very process to send it.
+            assert sorted(beside)[3] < 0.3 + 5 * sorted(alone)[2]
 
     asyncio.run(story())
 
