@@ -4,6 +4,7 @@ and where the cache lies."""
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import secrets
@@ -18,7 +19,7 @@ from etnet.errors import EtnetError
 
 UNFINISHED = "unfinished"
 """What a temporary file's name has: `.<target>.<process>.<random>.unfinished<suffix>`."""
-_FOLDERS = re.compile(r"(?<![\w./:])/(?:[^/\s:'\"]+/)+")
+_DISK_FAULTS = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EIO, errno.EROFS)
 _LEFT = re.compile(rf"\..*\.([0-9]+)\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
 
 
@@ -51,6 +52,10 @@ def replacing(path: Path, flushes: bool = True, suffix: str = "") -> Iterator[Pa
         os.replace(beside, path)
     except OSError as error:
         raise cannot_write(path, error) from error
+    except Exception as error:
+        if isinstance(error, EtnetError) or (cause := _of_the_disk(error)) is None:
+            raise
+        raise cannot_write(path, cause) from error
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
@@ -150,11 +155,6 @@ def printable(name: object) -> str:
     return text
 
 
-def without_paths(text: str) -> str:
-    """A message in which files are named and folders are not."""
-    return _FOLDERS.sub("", text)
-
-
 def in_megabytes(num_bytes: int) -> str:
     """Bytes in words: 1,234.5 MB of a million bytes, below 0.1 MB in kB.
 
@@ -163,6 +163,16 @@ def in_megabytes(num_bytes: int) -> str:
     if num_bytes < 100_000:
         return f"{-(-num_bytes // 100) / 10:,.1f}".removesuffix(".0") + " kB"
     return f"{-(-num_bytes // 100_000) / 10:,.1f}".removesuffix(".0") + " MB"
+
+
+def _of_the_disk(error: BaseException) -> OSError | None:
+    """The system's word behind an error of a library that wrote: torch says "unexpected pos" of a full disk."""
+    context: BaseException | None = error
+    while context is not None:
+        if isinstance(context, OSError) and context.errno in _DISK_FAULTS:
+            return context
+        context = context.__cause__ or context.__context__
+    return None
 
 
 def _beside(path: Path, suffix: str) -> Path:

@@ -1,5 +1,6 @@
 """Files that are written are whole or not there, and nothing is left beside them."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -41,6 +42,22 @@ def test_after_an_error_the_former_file_stands_and_nothing_beside_it(tmp_path):
         cut_off()
     assert (tmp_path / "a.txt").read_bytes() == b"first"
     assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_what_a_library_makes_of_a_full_disk_is_the_disks_error(tmp_path):
+    def write(slip):
+        with replacing(tmp_path / "a"):
+            try:
+                raise slip
+            finally:
+                raise RuntimeError("unexpected pos 64 vs 0")
+
+    with pytest.raises(EtnetError, match=r"a: cannot be written \(No space left"):
+        write(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    for other in (KeyError("x"), OSError(errno.ENOENT, "not there")):
+        with pytest.raises(RuntimeError, match="unexpected pos"):
+            write(other)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_is_not_replaced(tmp_path):

@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from app.catalogue.limited import TOO_LARGE
+
 MEMORY = 3 << 30
 """Bytes of address space; the libraries alone take one."""
 
@@ -47,5 +49,5 @@ def why_it_ended(code: int) -> str:
     if code in (-signal.SIGXCPU, -signal.SIGKILL):
         return "takes more computing than a visitor's file may take here"
     if code == -signal.SIGXFSZ:
-        return "unpacks to more than a visitor's file may have here"
+        return TOO_LARGE
     return "ended the process that read it; it may be damaged"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 from app.catalogue.folder import size_of
 from app.catalogue.models import digest
@@ -14,9 +14,23 @@ from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.recording import Recording
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached
-from etnet.files import in_megabytes, printable, without_paths
+from etnet.files import in_megabytes, printable
+from etnet.without_paths import without_paths
 
 Kind = Literal["bundled", "data", "file", "on demand", "upload", "live", "recorded", "mirror"]
+
+
+class Unpacking(Protocol):
+    """The account of what is made of one visitor's files: unpacked, indexed, simulated."""
+
+    @property
+    def left_unpacked(self) -> int:
+        """Bytes that it may still have; below 0 where it has more."""
+        ...
+
+    def check_unpacked(self, name: str, size: int = 0) -> None:
+        """An error about the file `name` where `size` bytes more have no room."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +46,14 @@ class Entry:
     """What a visitor has to know before opening it; empty where there is nothing."""
     remote: RemoteSample | None = field(default=None, repr=False)
     """What has to be fetched first, for "on demand"."""
+    unpacking: Unpacking | None = field(default=None, repr=False, compare=False)
+    """Where it counts what is made of it, for a visitor's file."""
 
 
 def under_its_name(error: EtnetError, entry: Entry) -> EtnetError:
     """The same error without a folder of this machine; of a visitor's file, by the name they gave it."""
-    said = _named(str(error), entry) if entry.kind == "upload" else str(error)
-    plain = printable(without_paths(said))
+    plain = without_paths(str(error))
+    plain = printable(_named(plain, entry) if entry.kind == "upload" else plain)
     return error if plain == str(error) else RecordingError(plain)
 
 

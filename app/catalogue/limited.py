@@ -11,6 +11,7 @@ import resource
 import sys
 from typing import Any
 
+TOO_LARGE = "unpacks to more than a visitor's file may have here"
 TOO_MUCH_MEMORY = "needs more memory than a visitor's file may have here"
 
 

@@ -6,6 +6,7 @@ and motion are the file's, what the plain layout cannot hold is told.
 
 from __future__ import annotations
 
+import glob
 import subprocess
 import threading
 import time
@@ -13,6 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from app.catalogue import opening_child
@@ -22,6 +24,7 @@ from etnet.errors import Cancelled, RecordingError
 from etnet.events.assumptions import Assumptions
 from etnet.events.recording import Inertial, Recording, Remark
 from etnet.events.triggers import Triggers
+from etnet.files import sweep_unfinished
 from etnet.plain_values import PlainError, bounded_json, fitted
 
 SECONDS = 60
@@ -45,6 +48,10 @@ class OpenedApart:
     triggers: Triggers | None = None
     inertial: Inertial | None = None
 
+    def remove(self) -> None:
+        """Take it from the disk."""
+        _remove(self.path)
+
     def completed(self, plain: Recording) -> Recording:
         """The plain recording with all that."""
         return replace(plain, remarks=self.remarks, opened_as=None, triggers=self.triggers, inertial=self.inertial)
@@ -60,15 +67,15 @@ def open_apart(
 ) -> OpenedApart:
     """A plain recording of what lies in `path`, beside it.
 
-    `largest`: bytes that it may have. It ends when `is_wanted` says no, or `progress` raises.
+    `largest`: bytes that it may have. It ends when `is_wanted` says no, or `is_wanted` or `progress` raises; nothing is
+    left of it then.
 
     Raises:
         RecordingError: the file cannot be read, or not within the limits.
         Cancelled: its visitor has gone.
     """
     out = path.with_name(f"{path.stem}.opened.h5")
-    if out.exists():
-        out.unlink()
+    _remove(out)
     told = {
         "path": str(path), "out": str(out), "assume": asdict(assume), "seconds": seconds, "bytes": largest,
     }  # fmt: skip
@@ -76,12 +83,23 @@ def open_apart(
         if not is_wanted():
             raise Cancelled("its visitor has gone")
     try:
-        said = _run(told, progress, is_wanted, path.parent)
+        with TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as scratch:
+            said = _run(told, progress, is_wanted, Path(scratch))
+        if "failed" in said:
+            raise RecordingError(said["failed"])
+    except BaseException:
+        _remove(out)
+        sweep_unfinished(path.parent)
+        raise
     finally:
         _room.release()
-    if "failed" in said:
-        raise RecordingError(said["failed"])
     return OpenedApart(out, _remarks(said.get("remarks")), *read_tables(out))
+
+
+def _remove(out: Path) -> None:
+    """A recording that was opened apart, and the tables beside it."""
+    for made in out.parent.glob(f"{glob.escape(out.stem)}.*"):
+        made.unlink(missing_ok=True)
 
 
 def _run(

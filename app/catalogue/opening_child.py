@@ -6,18 +6,20 @@ of JSON how far it is and what was noticed.
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from app.catalogue.limited import TOO_MUCH_MEMORY, told_and_limited
+from app.catalogue.limited import TOO_LARGE, TOO_MUCH_MEMORY, told_and_limited
 
 
 def main() -> int:
     """0 done, 1 a named failure, which is said."""
     told = told_and_limited()
+    name = Path(told["path"]).name
 
     from app.catalogue.plain_tables import write_tables
     from etnet.errors import EtnetError
@@ -36,10 +38,12 @@ def main() -> int:
             remarks = [(remark.kind, remark.text[:500]) for remark in (*recording.remarks, *lost)]
             _say(remarks=remarks[:50], name=recording.name[:200])
     except EtnetError as error:
-        _say(failed=str(error)[:500])
+        # Writing beyond the limit is an error here, as Python ignores the signal.
+        is_too_large = isinstance(error.__cause__, OSError) and error.__cause__.errno == errno.EFBIG
+        _say(failed=f"{name}: {TOO_LARGE}" if is_too_large else str(error)[:500])
         return 1
     except MemoryError:
-        _say(failed=TOO_MUCH_MEMORY)
+        _say(failed=f"{name}: {TOO_MUCH_MEMORY}")
         return 1
     return 0
 

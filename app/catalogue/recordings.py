@@ -14,8 +14,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from app.catalogue.binning import opened_to_fit
 from app.catalogue.cut import CutRecording
 from app.catalogue.entries import Entry, called_by_its_name, listed, under_its_name
 from app.catalogue.folder import VIDEO_SUFFIXES, Watch, recordings_in, sign_of
@@ -25,13 +26,13 @@ from app.catalogue.models import ModelEntry, digest, offered_models
 from app.catalogue.recording_id import RecordingId, known_as, listed_id, whole_id
 from app.catalogue.threads import THREADS
 from app.catalogue.videos import Videos
+from app.catalogue.visitor_uploads import MEGABYTE, UNPACKED, UploadError
 from app.config import ViewerConfig
 from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Recording, Remark
 from etnet.events.samples import fetch
-from etnet.files import without_paths
 from etnet.private_folder import PrivateFolder
 from etnet.windows import BetweenFrames, ByDensity, Policy
 
@@ -43,14 +44,10 @@ KEPT_OPEN = 6
 LOOK_EVERY = 1.0
 """Seconds from one look into the --data folder to the next, while anybody is here; more where looking is slow."""
 _PATIENCE = 20
-_UNPACKED = 4
-"""A visitor's file may unpack to so many times what a visitor may hand over."""
 LOOK_AFTER = 3.0
 """Seconds after the start in which the first page is drawn; only then the files of the list are looked at."""
 OPENS_WITHIN = 1.0
 """Seconds after which a large RAW file is shown as far as it is indexed; the rest follows."""
-RUNNABLE_PIXELS = 160_000
-"""Above it a step of the default network takes seconds on two cores; 480×320 is below, 640×480 above."""
 DEFAULT_DENSITY = 0.35
 """Events per pixel a window where no camera frame says when: near `slider_depth`'s 0.30."""
 
@@ -273,23 +270,18 @@ class Catalogue:
                 apart = self._opened_apart(entry, stated, progress)
                 path, stated = apart.path, NOTHING_ASSUMED
             asked = self._config.downsample if view is None else view.downsample
+            seen = self._config.view(asked or 1) if view is None else view
             opened = partial(open_recording, path, assume=stated, progress=progress, patience=OPENS_WITHIN)
-            recording = opened(view=self._config.view(asked or 1) if view is None else view)
-            whole, factor = recording.sensor, runnable_downsample(recording.sensor.num_pixels)
-            is_binned = asked is None and factor > 1
-            if is_binned:
-                recording.close()
-                recording = opened(view=self._config.view(factor))
+            recording, binned = opened_to_fit(lambda seen: opened(view=seen), seen, asked is not None)
             if apart is not None:
                 recording = apart.completed(recording)
-            if is_binned:
-                binned = f"binned {factor}×{factor} of {whole}"
-                text = f"{binned} so that the network keeps up; --downsample 1 shows every pixel"
-                recording = _with_remark(recording, Remark("assumed", text))
+            if binned is not None:
+                recording = replace(recording, remarks=(*recording.remarks, binned))
         except EtnetError as error:
             raise under_its_name(error, entry) from error
         except Exception as error:
-            raise RecordingError(f"{entry.title}: cannot be opened ({without_paths(str(error))[:300]})") from error
+            said = " ".join(str(error).split())[:300]
+            raise under_its_name(RecordingError(f"{entry.title}: cannot be opened ({said})"), entry) from error
         if told:  # a simulated video lies in a scratch file, which nobody opens again
             recording = replace(recording, remarks=(*told, *recording.remarks), opened_as=None)
         recording = called_by_its_name(recording, entry)
@@ -303,10 +295,24 @@ class Catalogue:
     def _opened_apart(self, entry: Entry, stated: Assumptions, progress: Callable[[float], None] | None) -> OpenedApart:
         from app.catalogue.opening_apart import open_apart
 
-        largest = _UNPACKED * ((self._config.upload_megabytes or 1) << 20)
-        return open_apart(
-            entry.path, stated, largest, progress or (lambda share: None), lambda: entry.id in self._private
-        )
+        is_wanted = partial(self._is_wanted, entry)
+        largest = UNPACKED * MEGABYTE * (self._config.upload_megabytes or 1)
+        if entry.unpacking is not None:
+            entry.unpacking.check_unpacked(entry.title, 1)
+            largest = min(largest, entry.unpacking.left_unpacked)
+        apart = open_apart(entry.path, stated, largest, progress or (lambda share: None), is_wanted)
+        try:
+            is_wanted()  # another one may have been opened meanwhile
+        except UploadError:
+            apart.remove()
+            raise
+        return apart
+
+    def _is_wanted(self, entry: Entry) -> bool:
+        """Whether the visitor of a file is still here. An error where too much has been made of their files."""
+        if entry.unpacking is not None:
+            entry.unpacking.check_unpacked(entry.title)
+        return entry.kind != "upload" or entry.id in self._private
 
     def can_be_stated(self, entry: Entry) -> bool:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
@@ -348,16 +354,17 @@ class Catalogue:
         # A visitor's goes with the visitor.
         folder = video.parent if entry.kind == "upload" else self._scratch.path
         made = folder / f"{video.stem}-{digest(video)}-{sign_of(video)[1]}.h5"
+
+        def is_cancelled() -> bool:
+            return not self._is_wanted(entry)
+
         if not made.exists() and self.is_strangers(entry):
             from app.catalogue.video_apart import FootageApart
-
-            def is_cancelled() -> bool:
-                return entry.id not in self._private
 
             with closing(FootageApart(video, config, is_cancelled)) as footage:
                 simulate_footage(footage, made, config, progress, is_cancelled)
         elif not made.exists():
-            simulate_video(video, made, config, progress)
+            simulate_video(video, made, config, progress, is_cancelled)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
         said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"
         return made, (Remark("assumed", said),)
@@ -374,14 +381,3 @@ def suited_policy(recording: Recording) -> Policy:
         return recording.policy
     truth = recording.ground_truth
     return BetweenFrames() if truth is not None and len(truth) > 1 else ByDensity(DEFAULT_DENSITY)
-
-
-def runnable_downsample(num_pixels: int) -> Literal[1, 2, 4]:
-    """The least downsampling that brings a sensor to a size that runs; 4 for all that is larger."""
-    if num_pixels <= RUNNABLE_PIXELS:
-        return 1
-    return 2 if num_pixels <= 4 * RUNNABLE_PIXELS else 4
-
-
-def _with_remark(recording: Recording, remark: Remark) -> Recording:
-    return replace(recording, remarks=(*recording.remarks, remark))

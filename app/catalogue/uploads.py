@@ -50,8 +50,7 @@ class Uploads:
         if self._folder is None:
             self._folder = PrivateFolder("etnet-uploads-")
         held = sum(each.num_bytes for each in self._desks.values())
-        free = shutil.disk_usage(self._folder.path).free - SPARE_DISK
-        left = min(self.limits.total_bytes - held, free)
+        left = min(self.limits.total_bytes - held, _free(self._folder))
         if size > left:
             raise UploadError(
                 f"{in_megabytes(size)} do not fit: all visitors together have {in_megabytes(max(left, 0))} left here; "
@@ -60,6 +59,14 @@ class Uploads:
         folder = self._folder.path / desk.folder_name
         folder.mkdir(exist_ok=True)
         return folder
+
+    def left_unpacked(self) -> int:
+        """Bytes that are left to all visitors for what is made of files; below 0 where it has more."""
+        with self.lock:
+            desks, folder = tuple(self._desks.values()), self._folder
+        most = int(self.limits.growth * self.limits.total_bytes)
+        left = most - sum(desk.unpacked_bytes for desk in desks)
+        return left if folder is None else min(left, _free(folder))
 
     def leave(self, desk: VisitorUploads) -> None:
         """Forget a visitor with all their files."""
@@ -79,3 +86,7 @@ class Uploads:
             desk.close()
         if folder is not None:
             folder.close()
+
+
+def _free(folder: PrivateFolder) -> int:
+    return shutil.disk_usage(folder.path).free - SPARE_DISK

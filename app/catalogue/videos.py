@@ -26,6 +26,7 @@ from etnet.events.recording import Recording
 from etnet.private_folder import PrivateFolder
 
 if TYPE_CHECKING:
+    from app.catalogue.entries import Unpacking
     from etnet.simulation.beginning import Beginning
     from etnet.simulation.growing import GrowingVideo, Pace
 
@@ -172,17 +173,26 @@ class Videos:
             for key in [key for key in self._beginnings if key[0] not in looked_at]:
                 del self._beginnings[key]
 
-    def begin(self, visitor: str, recording_id: str, video: Path, name: str, is_strangers: bool = False) -> None:
+    def begin(
+        self,
+        visitor: str,
+        recording_id: str,
+        video: Path,
+        name: str,
+        is_strangers: bool = False,
+        unpacking: Unpacking | None = None,
+    ) -> None:
         """A visitor looks at this film from now on; it is begun if it is not there.
 
-        `is_strangers`: the video is decoded in a process of its own.
+        `is_strangers`: the video is decoded in a process of its own. `unpacking`: the film lies beside the video,
+        counts in it, and ends where that has no room for more.
         """
         if self.holds(recording_id):
             self.watch(visitor, None)
             return
         with self._lock:
             if recording_id not in self._films:
-                self._begin(recording_id, video, name, is_strangers)
+                self._begin(recording_id, video, name, is_strangers, unpacking)
             self._films[recording_id].watchers.add(visitor)
         self.watch(visitor, recording_id)
 
@@ -222,26 +232,35 @@ class Videos:
         if folder is not None:
             folder.close()
 
-    def _begin(self, recording_id: str, video: Path, name: str, is_strangers: bool) -> _Film:
-        from etnet.simulation.growing import GrowingVideo
+    def _begin(
+        self, recording_id: str, video: Path, name: str, is_strangers: bool, unpacking: Unpacking | None
+    ) -> _Film:
+        from etnet.simulation.growing import LARGEST, GrowingVideo
         from etnet.simulation.video import VideoConfig
 
-        if self._folder is None:
-            self._folder = PrivateFolder("etnet-films-")
         video_id, setting = split_id(recording_id)
         self._num_made += 1
-        path = self._folder.path / f"film-{self._num_made}.h5"
+        path = self._place(video, unpacking) / f"film-{self._num_made}.h5"
+        largest = LARGEST if unpacking is None else min(LARGEST, max(unpacking.left_unpacked, 0))
         opened = None
         if is_strangers:
             from app.catalogue.video_apart import FootageApart as opened
         config = VideoConfig(setting.contrast, setting.noise, setting.side, cutoff_hz=float(setting.bandwidth))
         beginning = self._beginning(video_id, setting.side)
-        film = _Film(GrowingVideo(video, path, config, name, opened=opened, beginning=beginning), path)
+        film = _Film(GrowingVideo(video, path, config, name, largest, opened, beginning), path)
         self._films[recording_id] = film
         thread = threading.Thread(target=self._make, args=(film,), daemon=True, name="film")
         self._threads.add(thread)
         thread.start()
         return film
+
+    def _place(self, video: Path, unpacking: Unpacking | None) -> Path:
+        """Where films of a video lie: a visitor's beside it, so that they go with it."""
+        if unpacking is not None:
+            return video.parent
+        if self._folder is None:
+            self._folder = PrivateFolder("etnet-films-")
+        return self._folder.path
 
     def _beginning(self, video_id: str, side: int) -> Beginning:
         """What is known of the first seconds of a video at this size."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable
 
-from app.catalogue.entries import Entry
+from app.catalogue.entries import Entry, under_its_name
 from app.catalogue.live import LiveFeed, LiveShown
 from app.catalogue.models import ModelEntry
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.catalogue.videos import VideoShown
 from app.catalogue.visitor_uploads import VisitorUploads
+from etnet.errors import EtnetError
 from etnet.events.recording import Recording
 
 
@@ -57,8 +58,11 @@ class VisitorCatalogue:
 
         A video has to be begun before (`looks_at`).
         """
-        self.entry(recording_id)
-        return self._shared.open(recording_id, progress)
+        entry = self.entry(recording_id)
+        try:
+            return self._shared.open(recording_id, progress)
+        except EtnetError as error:  # of a film and of a live source as well
+            raise under_its_name(error, entry) from error
 
     def looks_at(self, recording_id: str) -> None:
         """They look at this now: a video is begun under the setting in the id, the former one may end.
@@ -74,7 +78,9 @@ class VisitorCatalogue:
             return  # the one who opens it is told
         if self._shared.is_film(entry):
             is_strangers = self._shared.is_strangers(entry)
-            self._shared.films.begin(self._visitor, recording_id, entry.path, entry.title, is_strangers)
+            self._shared.films.begin(
+                self._visitor, recording_id, entry.path, entry.title, is_strangers, entry.unpacking
+            )
         else:
             self._shared.films.watch(self._visitor, None)
 

@@ -6,6 +6,7 @@ declared. The visitor's name for a file is only ever shown.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import secrets
@@ -30,6 +31,8 @@ MOST_FILES = 8
 """Files that one visitor may have here at once."""
 ALL_VISITORS = 4
 """All visitors together may have so many times what one may have."""
+UNPACKED = 4
+"""What is made of files (unpacked, indexed, simulated) may have so many times what the files may have."""
 TELL_EVERY = 0.15
 """Seconds between two reports of how far a transfer is."""
 _SUFFIXES = re.compile(r"(\.[A-Za-z0-9]{1,8}){1,2}$")
@@ -60,11 +63,15 @@ class UploadsShown:
 
 @dataclass(frozen=True, slots=True)
 class UploadLimits:
-    """`visitor_bytes` is what one visitor may have here at once, so also the largest file."""
+    """`visitor_bytes` is what one visitor may have here at once, so also the largest file.
+
+    `growth`: what is made of files may have so many times that, one visitor's and all visitors' alike.
+    """
 
     visitor_bytes: int
     total_bytes: int
     visitor_files: int = MOST_FILES
+    growth: float = UNPACKED
 
     @classmethod
     def of_megabytes(cls, megabytes: int) -> UploadLimits:
@@ -82,6 +89,10 @@ class UploadRoom(Protocol):
 
     def room(self, desk: VisitorUploads, size: int) -> Path:
         """The visitor's folder, if `size` bytes more fit here at all."""
+        ...
+
+    def left_unpacked(self) -> int:
+        """Bytes that are left to all visitors for what is made of files."""
         ...
 
     def leave(self, desk: VisitorUploads) -> None:
@@ -158,6 +169,30 @@ class VisitorUploads:
         if self.num_bytes + size > limits.visitor_bytes:
             left = in_megabytes(limits.visitor_bytes - self.num_bytes)
             raise UploadError(f"{title}: {in_megabytes(size)}, {left} are left; remove a file first")
+        self.check_unpacked(title, size)
+
+    @property
+    def unpacked_bytes(self) -> int:
+        """Of all that was made of the files that are here, as it lies on the disk."""
+        with self._lock:
+            paths = [entry.path for entry, _ in self._files.values()]
+        return sum(_size_beside(path) for path in paths)
+
+    @property
+    def left_unpacked(self) -> int:
+        """Bytes that what is made of this visitor's files may still have; below 0 where it has more."""
+        limits = self._uploads.limits
+        own = int(limits.growth * limits.visitor_bytes) - self.unpacked_bytes
+        return min(own, self._uploads.left_unpacked())
+
+    def check_unpacked(self, name: str, size: int = 0) -> None:
+        """An error about the file `name` where `size` bytes more, made of this visitor's files, have no room."""
+        if self.left_unpacked < size:
+            most = in_megabytes(int(self._uploads.limits.growth * self._uploads.limits.visitor_bytes))
+            raise UploadError(
+                f"{name}: what is unpacked, indexed or simulated of the files here has no room beyond {most}, less "
+                "where others have theirs; remove a file first"
+            )
 
     def refuse(self, why: str) -> None:
         """Say why a file did not come."""
@@ -254,7 +289,8 @@ class Transfer:
             raise UploadError(f"{self.title}: {self.received:,} of {self.size:,} bytes came; send it again")
         self._is_over = True
         self._file.close()
-        entry = Entry(self._id, self.title, "upload", f"yours, {size_of(self.path)}", self.path)
+        said = f"yours, {size_of(self.path)}"
+        entry = Entry(self._id, self.title, "upload", said, self.path, unpacking=self._desk)
         self._desk.ended(self, entry)
         return entry.id
 
@@ -266,6 +302,17 @@ class Transfer:
         self._file.close()
         self._desk.ended(self, None)
         self._desk.refuse(why)
+
+
+def _size_beside(path: Path) -> int:
+    """Bytes of all files in a file's folder but its own; what goes meanwhile counts nothing."""
+    total = 0
+    for folder, _, names in os.walk(path.parent):
+        for name in names:
+            if (each := Path(folder, name)) != path:
+                with contextlib.suppress(OSError):
+                    total += each.lstat().st_size
+    return total
 
 
 def title_of(name: str) -> str:

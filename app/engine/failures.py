@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from etnet.errors import EtnetError, ModelError
-from etnet.files import printable, without_paths
+from etnet.files import printable
+from etnet.without_paths import without_paths
 
 _log = logging.getLogger(__name__)
 

@@ -1,29 +1,24 @@
-"""One kit of checks for everything a page, a link or a browser's storage says: it is a stranger's word.
+"""What a page, a link or a browser's storage says is a stranger's word: it is checked by the field that it is for.
 
-A value is checked against the type of the dataclass field that it is for. `number`, `whole`, `text` and `passing` make
-fields that say more than their type does. Nothing here raises anything but ValueError.
+`number`, `whole`, `text` and `passing` make fields that say more than their type does; `etnet.plain_values` looks at
+the values. Nothing here raises anything but ValueError.
 """
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, field, fields, is_dataclass, replace
-from functools import lru_cache
 from types import NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 from etnet import plain_values
 from etnet.errors import EtnetError
+from etnet.plain_values import LONGEST_TEXT, Bounds, fitted, hints_of
 
-LONGEST_TEXT = 500
-"""Characters of one text."""
 LONGEST_JSON = 20_000
 """Characters of JSON that are looked at."""
 DEEPEST_JSON = 12
-LONGEST_LIST = 64
-LARGEST_WHOLE = 1 << 62
+OF_A_PAGE = Bounds(longest_list=64, clamps=True)
 Checked = TypeVar("Checked")
 
 
@@ -63,7 +58,7 @@ def checked(kind: type, name: str, value: object) -> Any:
     """
     for entry in fields(kind):
         if entry.name == name and (entry.metadata.get("can_be_set") or not is_passing(entry)):
-            return _fit(_hints(kind)[name], value, entry.metadata)
+            return fitted(hints_of(kind)[name], value, OF_A_PAGE, entry.metadata)
     raise ValueError(f"{kind.__name__} has no field {str(name)[:40]!r} that can be set")
 
 
@@ -76,7 +71,7 @@ def with_word(slice_: Checked, name: str, word: str) -> Checked:
     kind: Any = type(slice_)
     if not any(entry.name == name for entry in fields(kind)):
         raise ValueError(f"{kind.__name__} has no field {name[:40]!r}")
-    hint = _hints(kind)[name]
+    hint = hints_of(kind)[name]
     return replace(slice_, **{name: checked(kind, name, _read(hint, word))})  # pyright: ignore[reportArgumentType]
 
 
@@ -119,90 +114,6 @@ def bounded_json(text_: str, longest: int = LONGEST_JSON) -> Any:
         ValueError: too long, too deep, not JSON, or a number that no field of ours takes.
     """
     return plain_values.bounded_json(text_, longest, DEEPEST_JSON)
-
-
-@lru_cache(maxsize=64)
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
-
-
-def _fit(hint: Any, value: object, metadata: Mapping[str, Any]) -> Any:
-    origin = get_origin(hint)
-    if origin is Literal:
-        if not isinstance(value, str) or value not in get_args(hint):
-            raise ValueError(f"{str(value)[:40]!r} is not one of {', '.join(map(str, get_args(hint)))}")
-        return value
-    if origin in (Union, UnionType):
-        return _fit_union(get_args(hint), value, metadata)
-    if origin is tuple:
-        return _fit_tuple(get_args(hint), value)
-    if is_dataclass(hint):
-        return _fit_dataclass(hint, value)
-    return _fit_plain(hint, value, metadata)
-
-
-def _fit_plain(hint: Any, value: object, metadata: Mapping[str, Any]) -> Any:
-    low, high = metadata.get("range", (-LARGEST_WHOLE, LARGEST_WHOLE))
-    if hint is bool and isinstance(value, bool):
-        return value
-    if hint is int and isinstance(value, int) and not isinstance(value, bool):
-        return min(max(value, low), high)
-    if hint is float and isinstance(value, int | float) and not isinstance(value, bool) and not _is_endless(value):
-        return float(min(max(value, low), high))
-    if hint is str and isinstance(value, str) and len(value) <= metadata.get("longest", LONGEST_TEXT):
-        value.encode()  # half a surrogate pair can be said in JSON, but no page can be sent with it
-        pattern = metadata.get("pattern", "")
-        if not pattern or re.fullmatch(pattern, value):
-            return value
-    raise ValueError(f"{str(value)[:40]!r} does not fit")
-
-
-def _is_endless(value: float) -> bool:
-    """Whether a number is NaN or infinite; a whole number never is, however large."""
-    return isinstance(value, float) and not math.isfinite(value)
-
-
-def _fit_union(members: tuple[Any, ...], value: object, metadata: Mapping[str, Any]) -> Any:
-    if value is None and NoneType in members:
-        return None
-    kinds = [member for member in members if is_dataclass(member)]
-    if isinstance(value, Mapping) and len(kinds) > 1:
-        kinds = [kind for kind in kinds if getattr(kind, "__name__", "") == value.get("kind")]
-    rest = [member for member in members if member is not NoneType and not is_dataclass(member)]
-    for member in (*kinds, *rest):
-        try:
-            return _fit(member, value, metadata)
-        except ValueError:
-            continue
-    raise ValueError(f"{str(value)[:40]!r} does not fit")
-
-
-def _fit_tuple(members: tuple[Any, ...], value: object) -> tuple[Any, ...]:
-    if not isinstance(value, list | tuple) or len(value) > LONGEST_LIST:
-        raise ValueError("not a short list")
-    if len(members) == 2 and members[1] is Ellipsis:
-        return tuple(_fit(members[0], part, {}) for part in value)
-    if len(value) != len(members):
-        raise ValueError(f"wanted {len(members)} values, got {len(value)}")
-    return tuple(_fit(member, part, {}) for member, part in zip(members, value, strict=True))
-
-
-def _fit_dataclass(kind: Any, value: object) -> Any:
-    if isinstance(value, kind):
-        value = {entry.name: getattr(value, entry.name) for entry in fields(kind)}
-    if not isinstance(value, Mapping):
-        raise ValueError(f"not a {kind.__name__}")
-    known = {entry.name: entry for entry in fields(kind)}
-    foreign = set(value) - set(known) - {"kind"}
-    if foreign:
-        raise ValueError(f"{kind.__name__} has no field {str(min(map(str, foreign)))[:40]!r}")
-    sound = {
-        name: _fit(_hints(kind)[name], part, known[name].metadata) for name, part in value.items() if name in known
-    }
-    try:
-        return kind(**sound)
-    except (TypeError, EtnetError) as error:
-        raise ValueError(str(error)) from error
 
 
 def _read(hint: Any, word: str) -> object:

@@ -55,15 +55,13 @@ class BoundedHandler(logging.Handler):
             minute = int(now // EVERY)
             if minute != self._minute:
                 self._minute, self._num_lines = minute, 0
-            if now - written < EVERY or self._num_lines >= MOST_LINES:
-                self._kinds[kind] = (written, left_out + 1)
-                return None
-            self._num_lines += 1
-            self._kinds[kind] = (now, 0)
+            is_left_out = now - written < EVERY or self._num_lines >= MOST_LINES
+            self._kinds[kind] = (written, left_out + 1) if is_left_out else (now, 0)
             self._kinds.move_to_end(kind)
             while len(self._kinds) > KEPT_KINDS:
                 self._kinds.popitem(last=False)
-            return left_out
+            self._num_lines += not is_left_out
+            return None if is_left_out else left_out
 
 
 def _kind_of(record: logging.LogRecord) -> str:

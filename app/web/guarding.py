@@ -120,8 +120,8 @@ class Gate:
             with self._counted(address):
                 await door(connection)
         elif connection.subprotocol != f"viser-v{viser.__version__}":
-            theirs = (connection.subprotocol or "viser-vunknown").removeprefix("viser-v")[:20]
-            await connection.close(1002, f"Version mismatch. Client: {theirs}, Server: {viser.__version__}")
+            # By the code viser's page knows what to say; a stranger is not told what runs here.
+            await connection.close(1002, "another version of this page; load it again")
         else:
             with ExitStack() as stack:
                 stack.enter_context(self._listed_silent(connection, address))

@@ -18,7 +18,8 @@ from etnet.cli.many import Share, this_share
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
-from etnet.files import claimed, write_atomically
+from etnet.files import claimed, printable, write_atomically
+from etnet.plain_values import PlainError, bounded_json
 
 if TYPE_CHECKING:
     from etnet.evaluation.evaluate import Judges
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from etnet.evaluation.scores import Scores
     from etnet.nets.presets import Network
 
+_LONGEST_FAILURES = 16 << 20
+"""Bytes of one process's list of failures."""
 RULES = 1
 """Raised when a score would come out differently for the same inputs: old results are then computed again."""
 
@@ -231,16 +234,17 @@ def _weights_digest(model: Network) -> str:
 def _collect(config: Evaluate, jobs: list[Job]) -> Report | None:
     """The report once every job has ended, in success or failure; None before."""
     from etnet.evaluation.report import Report
-    from etnet.evaluation.scores import Scores
+    from etnet.evaluation.scores import read_scores
 
     failed = {(failure.model, failure.recording): failure for failure in _read_failures(config.out)}
     scores: list[Scores] = []
     failures: list[Failure] = []
     for job in jobs:
-        if (job.model, job.recording.name) in failed:
-            failures.append(failed[job.model, job.recording.name])
-        elif job.target.exists():
-            scores.append(Scores.from_json(json.loads(job.target.read_text(encoding="utf-8"))))
+        named = printable(job.model), printable(job.recording.name)
+        if named in failed:
+            failures.append(failed[named])
+        elif (read := read_scores(job.target)) is not None:
+            scores.append(read)
         else:
             return None
     return Report(config.protocol, tuple(scores), tuple(failures))
@@ -255,7 +259,7 @@ def _forget_failures(out: Path, rank: int, num_ranks: int) -> None:
 
 
 def _write_failures(out: Path, rank: int, failures: list[Failure]) -> None:
-    rows = [[failure.model, failure.recording, failure.reason] for failure in failures]
+    rows = [[printable(word) for word in (failed.model, failed.recording, failed.reason)] for failed in failures]
     _write_text(out / f"failures_{rank}.json", json.dumps(rows))
 
 
@@ -263,8 +267,14 @@ def _read_failures(out: Path) -> Iterator[Failure]:
     from etnet.evaluation.report import Failure
 
     for path in sorted(out.glob("failures_*.json")):
-        for row in json.loads(path.read_text(encoding="utf-8")):
-            yield Failure(*row)
+        try:
+            rows = bounded_json(path.read_bytes(), _LONGEST_FAILURES)
+            is_list = isinstance(rows, list) and all(isinstance(row, list) and len(row) == 3 for row in rows)
+            if not is_list or not all(isinstance(word, str) for row in rows for word in row):
+                raise PlainError("is no list of failures")
+        except (PlainError, OSError) as error:
+            raise EtnetError(f"{path.name}: cannot be read (it {error}); delete the file") from None
+        yield from (Failure(*row) for row in rows)
 
 
 def _write_report(report: Report, out: Path) -> None:

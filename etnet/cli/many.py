@@ -18,13 +18,16 @@ from pathlib import Path
 
 from etnet.cli.progress import SAYS_EVERY, console
 from etnet.errors import EtnetError
-from etnet.files import claimed, write_atomically
+from etnet.files import claimed, printable, write_atomically
+from etnet.plain_values import bounded_json
 
 Work = Callable[[Path, Path, Callable[[float], None]], int]
 """(recording, its output folder, told the fraction done) → how many frames, or what else there is, were written. Raises
 where it fails."""
 
 DONE, FAILED, CLAIM = "done.json", "failed.txt", ".claim"
+_LONGEST_NOTE = 1 << 20
+"""Bytes of what is noted of a finished recording."""
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy", "metadata.yaml")
 _BESIDE_EVENTS = ("images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt")
 
@@ -179,7 +182,7 @@ def run_many(
 def is_done(job: Job, settings: str) -> bool:
     """Whether the job was finished with these settings from the file as it is."""
     try:
-        done = json.loads((job.folder / DONE).read_bytes())
+        done = bounded_json((job.folder / DONE).read_bytes(), _LONGEST_NOTE)
     except (OSError, ValueError):
         return False
     wanted = _sign_of(job, settings)
@@ -220,7 +223,7 @@ def _note_failure(job: Job, said: str) -> None:
 
 def _finish(job: Job, settings: str, counted: Mapping[str, int]) -> None:
     (job.folder / FAILED).unlink(missing_ok=True)
-    done = {"recording": job.path.name, **counted, **_sign_of(job, settings)}
+    done = {"recording": printable(job.path.name), **counted, **_sign_of(job, settings)}
     write_atomically(job.folder / DONE, (json.dumps(done, indent=1) + "\n").encode())
 
 

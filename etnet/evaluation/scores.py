@@ -17,6 +17,7 @@ from etnet.evaluation.bootstrap import Averaging, average
 from etnet.evaluation.datasets import Sequence
 from etnet.evaluation.protocol import ProtocolName
 from etnet.files import write_atomically
+from etnet.plain_values import PlainError, bounded_json
 
 Row = Literal["as it is", "best affine per frame", "constant grey"]
 ROWS: tuple[Row, ...] = ("as it is", "best affine per frame", "constant grey")
@@ -36,6 +37,8 @@ TITLES: dict[Measure, str] = {
 
 Columns = Mapping[Measure, Float64[np.ndarray, " n"]]
 FORMAT = 1
+LONGEST = 256 << 20
+"""Bytes of one recording's scores that are read: of a million frames."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,17 +114,24 @@ def write_scores(scores: Scores, path: Path, key: str) -> None:
     write_atomically(path, text.encode())
 
 
-def read_scores(path: Path, key: str) -> Scores | None:
-    """Scores that were written under the same key; None where there are none, or older ones of something else."""
+def read_scores(path: Path, key: str | None = None) -> Scores | None:
+    """Scores that were written under the same key, or any; None where there are none, or older ones of something else.
+
+    Raises:
+        RecordingError: what lies there are no scores.
+    """
     if not path.exists():
         return None
     try:
-        entry = json.loads(path.read_text(encoding="utf-8"))
-        if entry.get("key") != key or entry.get("format") != FORMAT:
+        entry = bounded_json(path.read_bytes(), LONGEST)
+        if not isinstance(entry, dict):
+            raise PlainError(f"is a {type(entry).__name__}, wanted a JSON object")
+        if (key is not None and entry.get("key") != key) or entry.get("format") != FORMAT:
             return None
         return Scores.from_json(entry)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path.name}: scores cannot be read ({error}); delete the file") from error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        said = str(error).replace("\n", " ")[:200]
+        raise RecordingError(f"{path.name}: scores cannot be read ({said}); delete the file") from error
 
 
 def _or_none(value: float) -> float | None:

@@ -88,8 +88,8 @@ def open_recording(
             found = chosen.open(request)
             advice = _advice(found)
             opened = seen_through(view, found, request)
+        told(1.0)  # who stops it now still has everything closed
         kept = resources.pop_all()
-    told(1.0)
     told.end()
     return Recording(
         name=path.stem or path.name,

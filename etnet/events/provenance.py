@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from etnet.plain_values import PlainError, bounded_json
 
 ATTRIBUTES = ("source", "simulation", "settings", "remarks")
 """The names by which files keep it. `settings` is what our data sets for training have in place of `simulation`."""
@@ -52,6 +53,6 @@ def _text(value: object) -> str:
 
 def _is_json(text: str) -> bool:
     try:
-        return isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
+        return isinstance(bounded_json(text, _LONGEST, endless="none"), dict)
+    except PlainError:
         return False

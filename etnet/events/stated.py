@@ -8,7 +8,10 @@ from typing import Literal
 
 from etnet.errors import RecordingError
 from etnet.events.assumptions import Assumptions
-from etnet.events.formats.bounds import MAX_PIXELS
+from etnet.events.formats.bounds import MAX_PIXELS, allow_unpacking
+
+MOST_UNPACKED = 1 << 24
+"""MB that `--unpack-limit` takes."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,13 @@ class Stated:
     """"rounded" rounds fractions, "32nds" divides fixed-point coordinates, "from1" takes a count from 1 to 0."""
     topic: str | None = None
     """Of several cameras: the ROS topic of the events, and after a comma that of the pictures; the AEDAT4 stream."""
+    unpack_limit: int | None = None
+    """MB that a file you trust may unpack to, also where its size speaks against it: above 256 MB, and 200 times its
+    size, it is refused."""
+
+    def __post_init__(self) -> None:
+        if self.unpack_limit is not None and not 1 <= self.unpack_limit <= MOST_UNPACKED:
+            raise RecordingError(f"--unpack-limit {self.unpack_limit}: wanted 1 … {MOST_UNPACKED:,} MB")
 
     @staticmethod
     def of(assumed: Assumptions) -> Stated:
@@ -48,7 +58,9 @@ class Stated:
         )
 
     def assumptions(self) -> Assumptions:
-        """The same, for a reader."""
+        """The same, for a reader. A limit that was lifted is lifted for this process from now on."""
+        if self.unpack_limit is not None:
+            allow_unpacking(self.unpack_limit << 20)
         width, height = _sensor(self.assume)
         return Assumptions(
             width,

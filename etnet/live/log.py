@@ -19,6 +19,7 @@ from etnet.events.recording import Recording
 from etnet.live.binning import Downsample
 from etnet.live.recording import Loss, Note
 from etnet.live.source import Setting
+from etnet.plain_values import PlainError, bounded_json
 from etnet.windows import Window
 
 _LONGEST_LINE = 4096
@@ -124,8 +125,8 @@ def windows_as_cut(recording: Recording) -> AsCut:
 
 def _parsed(line: str, number: int, name: str) -> dict[str, Any]:
     try:
-        content = json.loads(line) if len(line) <= _LONGEST_LINE else None
-    except (ValueError, RecursionError):
+        content = bounded_json(line, _LONGEST_LINE)
+    except PlainError:
         content = None
     if not isinstance(content, dict):
         raise RecordingError(f'{name}: line {number} reads "{line[:60].strip()}"; wanted one JSON object')

@@ -130,6 +130,27 @@ def test_a_call_that_lacks_a_model_or_a_recording_says_so(folder: Path, items, c
     assert "no model" in message or "no recording" in message or "absent.h5" in message
 
 
+@pytest.mark.parametrize("content", ["{", "[1]", '{"key": 1, "format": 1}', "[" * 100_000, "1" * 6000, '{"a": NaN}'])
+def test_what_lies_where_scores_or_failures_should_is_named_in_one_line(folder: Path, content, capsys) -> None:
+    assert evaluate(folder, "mine.safetensors", "one.h5") == 0
+    scores = next((folder / "out" / "scores").glob("*.json"))
+    kept = scores.read_text()
+    key = json.loads(kept)["key"]
+    scores.write_text(content.replace('"key": 1', f'"key": "{key}"'))
+    assert evaluate(folder, "mine.safetensors", "one.h5") == 1
+    assert "scores cannot be read" in report(folder)["failures"][0][2]
+    scores.write_text(kept)
+    (folder / "out" / "failures_7.json").write_text(content)
+    monkey = {"RANK": "1", "WORLD_SIZE": "9"}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in monkey.items():
+            patch.setenv(name, value)
+        capsys.readouterr()
+        assert evaluate(folder, "mine.safetensors", "one.h5") == 1
+    said = capsys.readouterr().err.strip().splitlines()
+    assert "failures_7.json: cannot be read" in said[-1]
+
+
 def test_a_part_in_seconds_is_scored_by_itself_and_the_report_says_which(folder: Path, capsys) -> None:
     assert evaluate(folder, "mine.safetensors", "two.h5") == 0
     whole = report(folder)["scores"][0]["stamps"]

@@ -125,8 +125,17 @@ def test_a_file_that_changed_is_done_again(tmp_path):
     assert is_done(job, "s")
     assert not is_done(Job(job.path, job.folder, 6), "s")
     assert not is_done(Job(job.path, job.folder, 5, mtime_ns=1), "s")
-    (job.folder / many.DONE).write_text("{")
-    assert not is_done(job, "s")
+    for damaged in ("{", "[1]", "[" * 100_000, "1" * 6000, '{"settings": NaN}', b"\xff".decode("latin-1")):
+        (job.folder / many.DONE).write_text(damaged)
+        assert not is_done(job, "s")
+
+
+def test_a_name_that_is_no_utf_8_is_done_once(tmp_path):
+    path = tmp_path / "a\udcff.raw"
+    path.write_bytes(b"x" * 5)
+    job = Job(path, tmp_path / "out", 5)
+    run_many((job,), Share(), "s", lambda *_: 1)
+    assert is_done(job, "s")
 
 
 def test_two_processes_never_work_on_one_recording(tmp_path, capsys):

@@ -1,7 +1,8 @@
 """Fuzz every format for as long as one likes: `python -m tests.events.long_fuzz --minutes 60 --out figures.json`.
 
 Each batch of damaged files is read in a process of its own, so that one that ends the process is a finding and not the
-end of the run. The figures are written after every batch.
+end of the run. The figures are written after every batch; how many files it were, and how many findings, is added to
+`benchmarks/results/fuzz.json`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import NoReturn
 import numpy as np
 
 from etnet.events.formats.prophesee import raw as prophesee
+from tests import fuzz_figures
 from tests.events.fuzz import damaged, try_to_read
 from tests.events.test_fuzz import MADE, REAL, WRITTEN, seed_file
 from tests.real_data import DATA
@@ -118,6 +120,7 @@ def main() -> None:
                 for what, count in came["counts"].items():
                     told["counts"][what] = told["counts"].get(what, 0) + count
                 told["findings"] += [{"entropy": entropy, **finding} for finding in came["findings"]]
+                fuzz_figures.add("files", sum(came["counts"].values()), len(came["findings"]))
                 told["slowest"] = max(told["slowest"], came["slowest"])
                 told["peak_mb"] = max(told["peak_mb"], came["peak_mb"])
                 minutes = (time.monotonic() - began) / 60

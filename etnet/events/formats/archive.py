@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import zipfile
 from contextlib import ExitStack
 from io import BufferedIOBase
@@ -10,7 +12,7 @@ from threading import Lock
 from typing import Protocol, cast, runtime_checkable
 
 from etnet.errors import RecordingError
-from etnet.events.formats.bounds import MAX_SMALL_FILE, is_bomb
+from etnet.events.formats.bounds import MAX_SMALL_FILE, at_most, is_bomb
 
 MAX_MEMBERS = 200_000
 
@@ -48,14 +50,18 @@ class FolderStore:
     def __init__(self, folder: Path) -> None:
         self._folder = folder.resolve()
         self._label = folder.name
+        self._signs: dict[str, Sign] = {}
+        """Of each file that was listed or opened, as it was then."""
 
     def names(self) -> tuple[str, ...]:
         """Files of the folder and of folders in it, three levels deep at most."""
         found: list[str] = []
         for pattern in ("*", "*/*", "*/*/*", "*/*/*/*"):
             for path in self._folder.glob(pattern):
-                if path.is_file() and not is_litter(path.relative_to(self._folder).as_posix()):
-                    found.append(path.relative_to(self._folder).as_posix())
+                name = path.relative_to(self._folder).as_posix()
+                if (sign := _sign_of_file(path)) is not None and not is_litter(name):
+                    self._signs.setdefault(name, sign)
+                    found.append(name)
                 if len(found) > MAX_MEMBERS:
                     raise RecordingError(
                         f"{self._label}: more than {MAX_MEMBERS} files; name the recording's own folder"
@@ -67,8 +73,13 @@ class FolderStore:
         return self._inside(name).stat().st_size
 
     def open(self, name: str) -> BufferedIOBase:
-        """A stream from the file's start."""
-        return self._inside(name).open("rb")
+        """A stream from the file's start. An error where it is not the file any more that was listed."""
+        stream = self._inside(name).open("rb")
+        sign = sign_of(os.fstat(stream.fileno()))
+        if self._signs.setdefault(name, sign) != sign:
+            stream.close()
+            raise RecordingError(f"{self._label}: {name} was changed while the recording was open; open it again")
+        return stream
 
     def local_path(self, name: str) -> Path:
         """The file's own path."""
@@ -81,6 +92,23 @@ class FolderStore:
         if not path.is_file():
             raise RecordingError(f"{self._label}: {name} is missing or no regular file")
         return path
+
+
+Sign = tuple[int, int, int]
+
+
+def sign_of(status: os.stat_result) -> Sign:
+    """What is another one when a file was written to, or when it is another file."""
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _sign_of_file(path: Path) -> Sign | None:
+    """None for what is no regular file, or has gone."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return sign_of(status) if stat.S_ISREG(status.st_mode) else None
 
 
 class ZipStore:
@@ -104,7 +132,7 @@ class ZipStore:
             if is_bomb(member.compress_size, member.file_size):
                 raise RecordingError(
                     f"{path.name}: {member.filename} would grow from {member.compress_size} to {member.file_size} "
-                    "bytes, like a zip bomb; unpack it by hand if you trust it"
+                    "bytes, like a zip bomb; unpack it by hand, or allow it with --unpack-limit MB, if you trust it"
                 )
 
     def names(self) -> tuple[str, ...]:
@@ -129,9 +157,8 @@ class ZipStore:
 
 def read_small(store: Store, name: str, label: str) -> bytes:
     """A whole small file: a picture, a table of stamps, a piece of metadata."""
-    if store.size(name) > MAX_SMALL_FILE:
-        raise RecordingError(
-            f"{label}: {name} has {store.size(name)} bytes; at most {MAX_SMALL_FILE} are expected there"
-        )
+    most = at_most(MAX_SMALL_FILE)
+    if store.size(name) > most:
+        raise RecordingError(f"{label}: {name} has {store.size(name)} bytes; at most {most} are expected there")
     with store.open(name) as stream:
-        return stream.read(MAX_SMALL_FILE + 1)
+        return stream.read(most + 1)

@@ -13,7 +13,8 @@ How a reader uses them:
   that is how an opening is cancelled (the callback raises).
 
 All raise RecordingError in one line. `where` begins with the file's name. What a person lifts by `--max-pixels` arrives
-as `Assumptions.max_pixels`.
+as `Assumptions.max_pixels`; what they lift by `--unpack-limit` holds for the whole process, because files are unpacked
+long after they are opened, and on threads of their own (`allow_unpacking`, `at_most`).
 """
 
 from __future__ import annotations
@@ -48,6 +49,20 @@ MAX_BLOCK = 256 << 20
 """Bytes that one chunk, message or record may have once it is unpacked."""
 
 _LARGEST_SIDE = 65_536
+_REMEDY = "unpack it by hand, or allow it with --unpack-limit MB, if you trust it"
+_allowed = 0
+"""Bytes that this process may unpack of anything, whatever the bounds say."""
+
+
+def allow_unpacking(num_bytes: int) -> None:
+    """From now on anything may unpack to so many bytes: whoever started this process trusts its files."""
+    global _allowed
+    _allowed = num_bytes
+
+
+def at_most(bound: int) -> int:
+    """A bound on bytes, or what was allowed beyond it."""
+    return max(bound, _allowed)
 
 
 def declared_sensor(width: Any, height: Any, where: str, max_pixels: int = MAX_PIXELS) -> Sensor:
@@ -96,18 +111,18 @@ def check_picture(content: bytes, where: str, max_pixels: int = MAX_PIXELS) -> t
 
 def check_bytes(count: int, where: str, limit: int = MAX_BLOCK) -> None:
     """An error where a file asks for more memory at once than one record needs."""
-    if not 0 <= count <= limit:
+    if not 0 <= count <= at_most(limit):
         raise RecordingError(
-            f"{where} asks for {count:,} bytes, at most {limit:,} are taken; the file is damaged there"
+            f"{where} asks for {count:,} bytes, at most {at_most(limit):,} are taken; the file is damaged there"
         )
 
 
 def is_bomb(packed: int, unpacked: int) -> bool:
     """Whether so few bytes grow to so many that no recording does it."""
-    return unpacked > max(FREE_SIZE, MAX_RATIO * packed)
+    return unpacked > max(at_most(FREE_SIZE), MAX_RATIO * packed)
 
 
-def check_growth(packed: int, unpacked: int, where: str, remedy: str = "unpack it by hand if you trust it") -> None:
+def check_growth(packed: int, unpacked: int, where: str, remedy: str = _REMEDY) -> None:
     """An error where a file declares far more than lies in it."""
     if is_bomb(packed, unpacked):
         raise RecordingError(f"{where} would grow from {packed:,} to {unpacked:,} bytes, like a bomb; {remedy}")
@@ -126,8 +141,7 @@ class Unpacked:
         self.num_bytes += count
         if is_bomb(self.packed, self.num_bytes):
             raise RecordingError(
-                f"{self.where}: {self.packed:,} bytes grow beyond {self.num_bytes - count:,}, like a bomb; "
-                "unpack it by hand if you trust it"
+                f"{self.where}: {self.packed:,} bytes grow beyond {self.num_bytes - count:,}, like a bomb; {_REMEDY}"
             )
 
 

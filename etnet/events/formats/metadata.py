@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
+from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.archive import Store, read_small
 from etnet.events.formats.bounds import ANY_PIXELS, declared_sensor
+from etnet.plain_values import PlainError, bounded_json
+
+LONGEST = 4 << 20
+"""Bytes of such a file: it holds a size, and how a recording was made."""
 
 
 def metadata_of(store: Store, prefix: str, name: str) -> Mapping[str, Any]:
     """What stands in metadata.json under `prefix` ("" or "a/b/"); nothing where there is none."""
     if prefix + "metadata.json" not in store.names():
         return {}
-    content = json.loads(read_small(store, prefix + "metadata.json", name))
+    try:
+        content = bounded_json(read_small(store, prefix + "metadata.json", name), LONGEST, endless="none")
+    except PlainError as error:
+        raise RecordingError(f"{name}: metadata.json {error}") from None
     return content if isinstance(content, dict) else {}
 
 

@@ -1,5 +1,6 @@
 """A stranger's file is opened in a process of its own: its cost is limited, and what goes wrong is one sentence."""
 
+import json
 import os
 import time
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from app.catalogue import opening_apart
+from app.catalogue.child_process import end, started
 from app.catalogue.entries import Entry
 from app.catalogue.opening_apart import open_apart
 from app.catalogue.plain_tables import read_tables, write_tables
@@ -103,6 +105,25 @@ def test_a_crash_or_a_limit_is_one_sentence(tmp_path, monkeypatch, child, why):
     assert children() == []
 
 
+LIMITS = """
+import json, resource
+from app.catalogue.limited import told_and_limited
+told_and_limited()
+names = ("RLIMIT_AS", "RLIMIT_CPU", "RLIMIT_FSIZE", "RLIMIT_CORE")
+print(json.dumps([resource.getrlimit(getattr(resource, name))[0] for name in names]))
+"""
+
+
+def test_a_process_that_reads_a_strangers_file_has_its_limits(tmp_path):
+    (tmp_path / "child.py").write_text(LIMITS)
+    child = started(str(tmp_path / "child.py"), {"seconds": opening_apart.SECONDS, "bytes": 12_345}, tmp_path)
+    try:
+        assert json.loads(child.stdout.read()) == [3 << 30, 60, 12_345, 0]
+    finally:
+        end(child)
+        child.stdout.close()
+
+
 def test_it_ends_with_its_visitor(tmp_path):
     write_recording(recording(num_events=200_000), tmp_path / "a.csv")
     began = time.monotonic()
@@ -114,8 +135,23 @@ def test_it_ends_with_its_visitor(tmp_path):
 
 def test_what_unpacks_to_too_much_is_refused(tmp_path):
     write_recording(recording(num_events=200_000), tmp_path / "a.csv")
-    with pytest.raises(EtnetError):
+    with pytest.raises(EtnetError, match=r"^a\.csv: unpacks to more"):
         opened(tmp_path / "a.csv", largest=100_000)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_nothing_is_left_of_one_that_its_visitors_account_stops(tmp_path):
+    write_recording(recording(num_events=200_000), tmp_path / "a.csv")
+
+    def is_wanted():
+        if any(path.name != "a.csv" for path in tmp_path.iterdir()):
+            raise EtnetError("no room")
+        return True
+
+    with pytest.raises(EtnetError, match="no room"):
+        opened(tmp_path / "a.csv", is_wanted=is_wanted)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+    assert children() == []
 
 
 @pytest.mark.parametrize("is_open", [True, False])

@@ -16,7 +16,6 @@ from app.catalogue.recordings import (
     Catalogue,
     CatalogueError,
     Entry,
-    runnable_downsample,
     suited_policy,
 )
 from app.config import ConfigError, ViewerConfig
@@ -26,7 +25,7 @@ from etnet.events.assumptions import Assumptions
 from etnet.events.opened_as import OpenedAs, View
 from etnet.events.stated import Stated
 from etnet.export.video import video_writer
-from etnet.windows import BetweenFrames, ByDensity
+from etnet.windows import BetweenFrames
 from tests.real_data import real_file
 
 
@@ -247,22 +246,6 @@ def test_neither_catalogue_nor_present_nor_engine_load_torch():
 def test_windows_suit_the_recording():
     catalogue = Catalogue(ViewerConfig())
     assert suited_policy(catalogue.open(catalogue.entries()[0].id)) == BetweenFrames()
-
-
-def test_sensors_are_brought_to_a_size_that_runs():
-    assert [runnable_downsample(w * h) for w, h in [(240, 180), (346, 260), (640, 480), (1280, 720)]] == [1, 1, 2, 4]
-
-
-@pytest.mark.real
-def test_a_large_sensor_is_made_smaller_and_says_so():
-    path = real_file("prophesee/evt3_1280x720_night_lights_cut.raw")
-    small = Catalogue(ViewerConfig(file=path))
-    recording = small.open(small.entries()[0].id)
-    assert (recording.sensor.width, recording.sensor.height) == (320, 180)
-    assert any("--downsample 1" in remark.text for remark in recording.remarks)
-    assert suited_policy(recording) == ByDensity(0.35)
-    whole = Catalogue(ViewerConfig(file=path, downsample=1))
-    assert whole.open(whole.entries()[0].id).sensor.width == 1280
 
 
 @pytest.mark.real

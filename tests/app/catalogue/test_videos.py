@@ -2,6 +2,7 @@
 
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -44,6 +45,19 @@ def until(condition):
     while not condition():
         assert time.monotonic() < ends
         time.sleep(0.01)
+
+
+def test_a_visitors_film_lies_beside_its_video_and_ends_where_there_is_no_room(videos, video, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("etnet.simulation.growing.LOOK_AT_SIZE", FEWEST_FRAMES)
+    videos.begin("one", "v", video, "drift", unpacking=SimpleNamespace(left_unpacked=-5))
+    until(lambda: videos.shown("v").is_over)
+    assert videos._films["v"].path.parent == video.parent
+    recording = videos.open("v")
+    assert len(recording.ground_truth) == FEWEST_FRAMES
+    assert any("s only" in remark.text for remark in recording.remarks)
+    path = videos._films["v"].path
+    videos.let_go("v")
+    assert not path.exists()
 
 
 @pytest.mark.parametrize(

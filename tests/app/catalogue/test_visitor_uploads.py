@@ -6,6 +6,7 @@ import sys
 import tempfile
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,13 +15,13 @@ import numpy as np
 import pytest
 
 from app.catalogue.recordings import Catalogue, CatalogueError
-from app.catalogue.uploads import UploadLimits, Uploads
+from app.catalogue.uploads import SPARE_DISK, UploadLimits, Uploads
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE, UploadError, in_megabytes, title_of
 from app.config import UPLOADS, ConfigError, ViewerConfig
 from app.html.uploads import handing_html
 from etnet.errors import EtnetError
-from etnet.events.index_store import index_path, load_index, save_index
+from etnet.events.index_store import BESIDE, index_path, load_index, save_index
 from etnet.events.write import write_recording
 from etnet.private_folder import PrivateFolder, sweep
 from tests.app.stand_ins import recording
@@ -115,6 +116,45 @@ def test_all_visitors_together_have_a_cap_and_what_is_on_its_way_counts_in_full(
     assert "all visitors together" in refused(lambda: other.begin("large.raw", 501))
     on_its_way.abort("stopped")
     bring(other, size=1000)
+
+
+def make_of(shelves, entry_id, size, name="made.h5"):
+    """As reading a file does: something lies beside it afterwards."""
+    made = shelves.here[entry_id].path.parent / name
+    made.write_bytes(b"x" * size)
+    return made
+
+
+def test_what_is_made_of_a_file_counts_until_the_file_is_removed(uploads, shelves):
+    own_files = uploads.desk()
+    arrived = bring(own_files, size=100)
+    assert (own_files.unpacked_bytes, own_files.left_unpacked) == (0, 4000)
+    make_of(shelves, arrived, 3000)
+    make_of(shelves, arrived, 800, f"{BESIDE}/a.index")
+    assert (own_files.unpacked_bytes, own_files.left_unpacked) == (3800, 200)
+    own_files.check_unpacked("a.raw", 200)
+    assert "unpack" in refused(lambda: own_files.check_unpacked("a.raw", 201))
+    assert "remove a file first" in refused(lambda: own_files.begin("second.raw", 201))
+    bring(own_files, size=200)
+    own_files.remove(arrived)
+    assert own_files.left_unpacked == 4000
+
+
+def test_what_is_made_of_all_visitors_files_has_a_cap(uploads, shelves):
+    desks = [uploads.desk() for _ in range(3)]
+    for desk in desks[:2]:
+        make_of(shelves, bring(desk), 2900)
+    assert [desk.left_unpacked for desk in desks] == [200, 200, 200]
+    assert "unpack" in refused(lambda: desks[2].check_unpacked("a.raw", 201))
+    desks[0].close()
+    assert desks[2].left_unpacked == 3100
+
+
+def test_what_is_made_of_files_leaves_the_disk_some_room(uploads, monkeypatch):
+    own_files = uploads.desk()
+    bring(own_files)
+    monkeypatch.setattr("app.catalogue.uploads.shutil.disk_usage", lambda path: SimpleNamespace(free=SPARE_DISK + 7))
+    assert own_files.left_unpacked == 7
 
 
 def test_one_file_of_a_visitor_comes_at_a_time(uploads):
@@ -269,6 +309,31 @@ def test_an_index_lies_beside_its_file_and_goes_with_it(catalogue, opened_upload
     assert index_path(tmp_path / "mine.raw", "blocks").parent == tmp_path / "cache" / "indices"
     own_files.close()
     assert not path.parent.exists()
+
+
+def test_files_that_unpack_to_more_than_a_visitor_may_have_are_refused_one_by_one(tmp_path):
+    write_recording(recording(), tmp_path / "a.h5")
+    shared = Catalogue(ViewerConfig(public_url="http://show.example", uploads=16))
+    files = Uploads(UploadLimits.of_megabytes(16), shared.take_in, shared.let_go)
+    try:
+        alone = files.desk()
+        shared.open(hand_over(alone, tmp_path / "a.h5"))
+        unpacked = alone.unpacked_bytes
+        assert unpacked > 1000
+        alone.close()
+        files.limits = replace(files.limits, growth=1.5 * unpacked / files.limits.visitor_bytes)
+        own_files = files.desk()
+        first, second = (hand_over(own_files, tmp_path / "a.h5", name) for name in ("one.h5", "two.h5"))
+        assert shared.open(first).num_events == recording().num_events
+        with pytest.raises(EtnetError, match="unpack") as told:
+            shared.open(second)
+        assert str(told.value).startswith("two.h5")
+        assert own_files.unpacked_bytes == unpacked, "nothing of what was refused is left"
+        own_files.remove(first)
+        assert shared.open(second).num_events == recording().num_events
+    finally:
+        files.close()
+        shared.close()
 
 
 def test_what_is_no_recording_is_refused_by_the_name_that_its_visitor_knows(catalogue, opened_uploads, tmp_path):

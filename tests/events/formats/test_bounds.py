@@ -1,11 +1,13 @@
 """What a small foreign file may cost: sizes are judged by headers, before anything is decoded or allocated."""
 
+import gzip
 import struct
 
 import cv2
 import numpy as np
 import pytest
 
+from etnet.cli.main import main
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats import bounds
@@ -17,6 +19,7 @@ from etnet.events.formats.bounds import (
     declared_sensor,
     picture_size,
 )
+from etnet.events.stated import Stated
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".webp", ".tif", ".pgm", ".ppm"])
@@ -76,6 +79,44 @@ def test_what_grows_like_a_bomb_is_stopped(monkeypatch):
     unpacked.take(2000)
     with pytest.raises(RecordingError, match="bomb"):
         unpacked.take(1)
+
+
+@pytest.fixture
+def tight(monkeypatch):
+    """Whatever unpacks to more than its own size and 1,000 bytes is a bomb; nothing is allowed beyond it."""
+    for name, value in {"FREE_SIZE": 1000, "MAX_RATIO": 1, "_allowed": 0}.items():
+        monkeypatch.setattr(bounds, name, value)
+
+
+def test_what_may_be_unpacked_can_be_lifted(tight):
+    with pytest.raises(RecordingError, match="--unpack-limit"):
+        check_growth(10, 2 << 20, "a.zip")
+    bounds.allow_unpacking(2 << 20)
+    check_growth(10, 2 << 20, "a.zip")
+    Unpacked(10, "a.gz").take(2 << 20)
+    check_bytes(2 << 20, "a.bag: message 3", limit=1 << 20)
+    for refused in (lambda: check_growth(10, (2 << 20) + 1, "a.zip"), lambda: Unpacked(10, "a.gz").take((2 << 20) + 1)):
+        with pytest.raises(RecordingError, match="bomb"):
+            refused()
+    assert bounds.at_most(4 << 20) == 4 << 20
+
+
+def test_a_command_line_lifts_it_for_its_own_files(tight, tmp_path, capsys):
+    rows = "".join(f"{i / 1e4:.4f} {i % 20} {i % 12} {i % 2}\n" for i in range(4000))
+    (tmp_path / "a.txt.gz").write_bytes(gzip.compress(rows.encode()))
+    command = ["inspect", str(tmp_path / "a.txt.gz")]
+    assert main(command) == 1
+    said = capsys.readouterr().err.strip()
+    assert "--unpack-limit" in said
+    assert "\n" not in said
+    assert main([*command, "--unpack-limit", "1"]) == 0
+    assert "4,000" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("limit", [0, -1, 1 << 30])
+def test_a_limit_that_makes_no_sense_is_refused(limit):
+    with pytest.raises(RecordingError, match="--unpack-limit"):
+        Stated(unpack_limit=limit)
 
 
 def test_a_record_of_absurd_size_is_refused():

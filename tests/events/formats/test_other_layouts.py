@@ -6,6 +6,7 @@ import gzip
 import json
 import lzma
 import struct
+import time
 import zipfile
 
 import h5py
@@ -236,6 +237,23 @@ def test_an_evreal_folder_is_mapped_and_a_broken_one_named(tmp_path):
     with open_recording(tmp_path) as recording:
         assert recording.sensor == Sensor(20, 12)
         assert_holds(recording)
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["{", "[" * 200_000, '{"a": ' + "1" * 6000 + "}", '"' + '\\"' * 500_000, '"%s"' % ("x" * (5 << 20)), "\x00"],
+)
+def test_a_metadata_file_that_is_no_json_is_refused_in_one_line_and_at_once(content, tmp_path):
+    np.save(tmp_path / "events_ts.npy", EVENTS.t / 1e6)
+    np.save(tmp_path / "events_xy.npy", np.stack([EVENTS.x, EVENTS.y], 1))
+    np.save(tmp_path / "events_p.npy", EVENTS.p > 0)
+    (tmp_path / "metadata.json").write_text(content)
+    began = time.process_time()
+    with pytest.raises(RecordingError, match=r"metadata\.json") as refusal:
+        open_recording(tmp_path)
+    assert time.process_time() - began < 5
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300
 
 
 @pytest.mark.parametrize("locking", [None, False])

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import struct
+import time
 import tracemalloc
+import zipfile
+import zlib
 
 import h5py
 import numpy as np
@@ -10,6 +14,7 @@ import pytest
 import scipy.io
 
 from etnet.errors import RecordingError
+from etnet.events.cache import MEMORY_CAP
 from etnet.events.formats.arrays import matlab
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events, assert_same_events
@@ -19,6 +24,8 @@ SENSOR = Assumptions(width=20, height=12)
 EVENTS = make_events(200)
 FEW = 48 << 20
 """Bytes; what is declared in these tests is many times that."""
+LOADED = FEW + MEMORY_CAP
+"""The same, of formats that are decoded at once: that takes one block of fixed size, whatever a file holds."""
 
 
 def columns(events=EVENTS) -> dict[str, np.ndarray]:
@@ -144,3 +151,80 @@ def test_a_text_that_declares_a_vast_sensor_is_refused(content, tmp_path, peak):
     with open_recording(tmp_path / "a.txt", assume=Assumptions(max_pixels=1 << 32)) as recording:
         assert recording.num_events == 1
     assert peak() < 512 << 20
+
+
+VAST = {
+    "es": b"Event Stream\x02\x00\x00\x01" + struct.pack("<HH", 65_535, 65_535) + b"\x03" + struct.pack("<HH", 1, 2),
+    "16384": (16_384, 16_384),
+    "65536": (65_536, 65_536),
+    "geometry": "65536x65536",
+}
+
+
+@pytest.mark.parametrize("kind", list(VAST))
+def test_a_file_that_declares_a_vast_sensor_is_refused_before_it_costs_anything(kind, tmp_path, peak):
+    path, said = tmp_path / ("a.es" if kind == "es" else "a.h5"), VAST[kind]
+    if isinstance(said, bytes):
+        path.write_bytes(said)
+    else:
+        with h5py.File(path, "w") as file:
+            if isinstance(said, str):
+                file.attrs["geometry"] = said
+                rows = np.zeros(200, [("x", "u2"), ("y", "u2"), ("p", "i2"), ("t", "i8")])
+                for name, column in {"x": EVENTS.x, "y": EVENTS.y, "t": EVENTS.t, "p": EVENTS.p > 0}.items():
+                    rows[name] = column
+                file["CD/events"] = rows
+            else:
+                file.attrs["sensor_resolution"] = said
+                for name, column in zip(("xs", "ys", "ts", "ps"), columns().values(), strict=True):
+                    file[f"events/{name}"] = column
+    tracemalloc.reset_peak()
+    began = time.process_time()
+    with pytest.raises(RecordingError, match="--max-pixels"):
+        open_recording(path)
+    assert time.process_time() - began < 5
+    assert peak() < (LOADED if kind == "es" else FEW)
+    with open_recording(path, assume=Assumptions(max_pixels=1 << 32)) as recording:
+        assert recording.num_events == (1 if kind == "es" else 200)
+    with open_recording(path, assume=Assumptions(width=24, height=65_535 if kind == "es" else 20)) as recording:
+        assert recording.sensor.width == 24
+
+
+def test_a_chunk_that_unpacks_to_gigabytes_is_refused_by_what_it_declares(tmp_path, peak):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name, column in zip(("xs", "ys", "ps"), (EVENTS.x, EVENTS.y, EVENTS.p > 0), strict=True):
+            file[f"events/{name}"] = column
+        packed = file.create_dataset("events/ts", (200,), "f8", maxshape=(None,), chunks=(3 << 27,), compression="gzip")
+        packed.id.write_direct_chunk((0,), zlib.compress(bytes(1 << 20)))
+    tracemalloc.reset_peak()
+    began = time.process_time()
+    with pytest.raises(RecordingError, match=r"a chunk of events/ts unpacks to 3,221,225,472 bytes"):
+        open_recording(path)
+    assert time.process_time() - began < 5
+    assert peak() < FEW
+
+
+def png_header(width: int, height: int, bits: int) -> bytes:
+    """The beginning of a grey picture; its pixels are never asked for."""
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sIIBBBBB", 13, b"IHDR", width, height, bits, 0, 0, 0, 0) + bytes(64)
+
+
+@pytest.mark.parametrize(("side", "bits"), [(11_000, 16), (32_000, 8)])
+def test_a_vast_picture_in_a_zip_is_left_out_by_its_header_and_the_events_kept(side, bits, tmp_path, peak):
+    rows = "".join(
+        f"{t / 1e6:.6f} {x} {y} {int(p > 0)}\n"
+        for x, y, t, p in zip(EVENTS.x, EVENTS.y, EVENTS.t, EVENTS.p, strict=True)
+    )
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("events.txt", rows)
+        archive.writestr("images.txt", "0.0 images/frame_0.png\n")
+        archive.writestr("images/frame_0.png", png_header(side, side, bits))
+    tracemalloc.reset_peak()
+    began = time.process_time()
+    with open_recording(tmp_path / "a.zip", assume=SENSOR) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+        assert recording.ground_truth is None
+        assert any(f"{side} × {side} pixels" in remark.text for remark in recording.remarks)
+    assert time.process_time() - began < 5
+    assert peak() < LOADED

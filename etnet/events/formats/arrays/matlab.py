@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -14,17 +13,22 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.formats.arrays import matlab_child
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.bounds import FREE_SIZE, MAX_RATIO
+from etnet.events.formats.bounds import FREE_SIZE, MAX_RATIO, at_most
 from etnet.events.formats.column_finder import Found, called, find_events
 from etnet.events.formats.hdf5.file import open_file
 from etnet.events.formats.hdf5.tree import check_columns, outline, tree_of
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.events.formats.unchanged import Unchanged
+from etnet.plain_values import PlainError, bounded_json
 
 LARGEST_V5 = 4 << 30
 """Bytes of a v5 file: the format itself ends there."""
 
 LONGEST_V5 = 120
 """Seconds that reading one may take."""
+
+_LONGEST_ANSWER = 4 << 20
+"""Characters that may be said of a file: the names of its variables above all."""
 
 
 def _open_v5(request: Request) -> Opened:
@@ -47,7 +51,7 @@ def _open_v5(request: Request) -> Opened:
 
 def _copy_columns(request: Request, folder: Path) -> dict[str, Any]:
     """Let a process of its own read the file: on some damaged files scipy's reader crashes the interpreter."""
-    unpacked = max(FREE_SIZE, MAX_RATIO * request.path.stat().st_size)
+    unpacked = max(at_most(FREE_SIZE), MAX_RATIO * request.path.stat().st_size)
     command = [
         sys.executable,
         "-P",
@@ -68,7 +72,10 @@ def _copy_columns(request: Request, folder: Path) -> dict[str, Any]:
         lines = child.stderr.strip().splitlines()
         reason = lines[-1][:200] if lines and child.returncode == 1 else "it ended the reader"
         raise RecordingError(f"{request.name}: cannot read the MATLAB file ({reason}); it may be truncated or damaged")
-    return json.loads(child.stdout)
+    try:
+        return bounded_json(child.stdout, _LONGEST_ANSWER)
+    except PlainError as error:
+        raise RecordingError(f"{request.name}: cannot read the MATLAB file (what is said of it {error})") from None
 
 
 def _without_columns(request: Request, there: str) -> RecordingError:
@@ -87,13 +94,14 @@ def _say_others(others: list[str], remarks: Remarks) -> None:
 def _open_v73(request: Request) -> Opened:
     remarks = Remarks()
     file = open_file(request)
+    unchanged = Unchanged(request)
     with contained(request.name, "the MATLAB file"):
         tree = tree_of(file, request.name)
         found = find_events(tree, remarks)
         if found is None:
             raise _without_columns(request, outline(file))
         check_columns(file, set(found.paths), request.name)
-    return _open_found(request, "MATLAB v7.3", found, remarks)
+    return unchanged.guarding(_open_found(request, "MATLAB v7.3", found, remarks))
 
 
 def _open_found(request: Request, kind: str, found: Found, remarks: Remarks) -> Opened:

@@ -9,7 +9,7 @@ import hdf5plugin  # noqa: F401  (registers Blosc, zstd and LZ4 with the HDF5 li
 
 from etnet.errors import RecordingError
 from etnet.events.formats.base import Remarks, Request, contained
-from etnet.events.formats.bounds import MAX_BLOCK
+from etnet.events.formats.bounds import MAX_BLOCK, at_most
 from etnet.events.formats.hdf5.journal import restore
 
 
@@ -59,9 +59,10 @@ def dataset(group: h5py.Group, path: str, name: str, *, ndim: int | None = 1) ->
         num_bytes = node.dtype.itemsize
         for side in node.chunks:
             num_bytes *= side
-        if num_bytes > MAX_BLOCK:
+        if num_bytes > at_most(MAX_BLOCK):
             raise RecordingError(
-                f"{name}: a chunk of {path} unpacks to {num_bytes} bytes; at most {MAX_BLOCK} are read"
+                f"{name}: a chunk of {path} unpacks to {num_bytes:,} bytes, at most {at_most(MAX_BLOCK):,} are read; "
+                "allow it with --unpack-limit MB if you trust it"
             )
     if ndim is not None and node.ndim != ndim:
         raise RecordingError(f"{name}: {path} has {node.ndim} dimensions; wanted {ndim}")

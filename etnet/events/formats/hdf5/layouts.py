@@ -24,6 +24,7 @@ from etnet.events.formats.hdf5.metavision import open_metavision
 from etnet.events.formats.hdf5.tree import attributes_of, check_columns, outline, tree_of
 from etnet.events.formats.hdf5.triggers import triggers_beside
 from etnet.events.formats.open_columns import Table, open_table
+from etnet.events.formats.unchanged import Unchanged
 from etnet.events.provenance import ATTRIBUTES, provenance_of
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -53,6 +54,10 @@ def _has(file: h5py.File, path: str, request: Request) -> bool:
 
 def _open(request: Request) -> Opened:
     file = open_file(request)
+    return Unchanged(request).guarding(_open_file(request, file))
+
+
+def _open_file(request: Request, file: h5py.File) -> Opened:
     with contained(request.name, "HDF5"):
         if _has(file, "CD/events", request) and not _is_mvsec(request, file):
             return open_metavision(request, file)

@@ -40,7 +40,9 @@ def check_columns(file: h5py.File, paths: set[str], name: str) -> None:
     datasets = [dataset(file, path, name, ndim=None) for path in paths]
     stored = sum(column.id.get_storage_size() for column in datasets)
     declared = sum(column.nbytes for column in datasets)
-    check_growth(stored, declared, f"{name}: its columns", "write it again if you trust it")
+    check_growth(
+        stored, declared, f"{name}: its columns", "write it again, or allow it with --unpack-limit MB, if you trust it"
+    )
 
 
 def attributes_of(file: h5py.File, group: str, name: str) -> Mapping[str, Any]:

@@ -23,6 +23,7 @@ from etnet.events.formats.prophesee.evt2_evt3 import Notes, State, Version
 from etnet.events.formats.prophesee.header import Header
 from etnet.events.formats.prophesee.index import Blocks, index_of
 from etnet.events.formats.trigger_table import TriggerTable
+from etnet.events.formats.unchanged import Unchanged
 from etnet.events.index_store import Arrays
 from etnet.events.recording import EventSource, Span
 
@@ -46,6 +47,7 @@ class IndexedSource:
     request: Request
     blocks: Blocks
     file: BinaryIO
+    unchanged: Unchanged
     index: Arrays
     t0: int
     sensor: Sensor
@@ -84,7 +86,8 @@ class IndexedSource:
             self._held.move_to_end(i)
             return self._held[i]
         state = State(*(int(value) for value in self.index["states"][i]))
-        decoded, _ = self.blocks.version.decode(self.blocks.words(self.file, i), state, Notes())
+        words = self.unchanged.during(lambda: self.blocks.words(self.file, i))
+        decoded, _ = self.blocks.version.decode(words, state, Notes())
         if len(decoded.t) != self.index["before"][i + 1] - self.index["before"][i]:
             raise RecordingError(f"{self.request.name}: it is not the file any more that was indexed; open it again")
         self._held[i] = decoded
@@ -100,6 +103,7 @@ def open_indexed(
     request: Request, header: Header, version: Version, declared: Sensor | None, remarks: Remarks
 ) -> Collected:
     """The events by slice; the index from the cache folder, else made now as far as the request's patience goes."""
+    unchanged = Unchanged(request)
     blocks, t0 = _blocks(request, header, version, remarks)
     index, growth = index_of(request, blocks, header.layout, remarks)
     if index["before"][-1] == 0:
@@ -109,7 +113,7 @@ def open_indexed(
     table.add(*index["triggers"].T)
     file = request.resources.enter_context(request.path.open("rb"))
     sensor = stated_sensor(request, declared, remarks)
-    source = IndexedSource(request, blocks, file, index, t0, sensor or Sensor(1 << 16, 1 << 16))
+    source = IndexedSource(request, blocks, file, unchanged, index, t0, sensor or Sensor(1 << 16, 1 << 16))
     if sensor is None:
         sensor = _probed_sensor(source, request, remarks)
         source = replace(source, sensor=sensor)

@@ -16,7 +16,7 @@ from pathlib import Path
 import lz4.frame
 
 from etnet.errors import RecordingError
-from etnet.events.formats.bounds import MAX_BLOCK, Unpacked
+from etnet.events.formats.bounds import MAX_BLOCK, Unpacked, at_most
 from etnet.events.formats.ros.containers import Contents, CutOff, Message
 
 _VERSION = b"#ROSBAG V2.0\n"
@@ -91,7 +91,7 @@ def _records(stream: BufferedIOBase) -> Iterator[tuple[Fields, bytes]]:
         if not is_whole:
             raise CutOff("ends within a record")
         header = _fields(content)
-        data, is_whole = _sized(stream, stream.read(4), MAX_BLOCK)
+        data, is_whole = _sized(stream, stream.read(4), at_most(MAX_BLOCK))
         if is_whole or _kind(header) == _CHUNK:
             # The messages at the beginning of a chunk are whole.
             yield header, data
@@ -144,7 +144,7 @@ def _text(value: bytes) -> str:
 def _unpacked(header: Fields, data: bytes) -> bytes:
     """A chunk's records; no more of them than the chunk declares."""
     size, compression = _number(header, b"size"), _text(header.get(b"compression", b""))
-    if size > MAX_BLOCK:
+    if size > at_most(MAX_BLOCK):
         raise CutOff(f"a chunk that claims {size} bytes")
     if compression == "none":
         return data

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from etnet.errors import RecordingError
-from etnet.events.formats.bounds import MAX_BLOCK
+from etnet.events.formats.bounds import MAX_BLOCK, at_most
 from etnet.events.formats.ros.containers import MOST_TOPICS, Contents, Message
 
 _LOOK = 10_000
@@ -24,6 +24,8 @@ _MOST_LOOKS = 20_000
 """Looks without a row after which a statement is given up: some seconds."""
 
 _MOST_MESSAGES = 1 << 27
+_LONGEST_VALUE = 1_000_000_000
+"""Bytes; SQLite itself takes no more."""
 _COLUMNS = {"topics": ("id", "name", "type"), "messages": ("id", "topic_id", "timestamp", "data")}
 
 
@@ -60,7 +62,7 @@ def read_database(path: Path, contents: Contents) -> Iterator[Message]:
     uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
     watch = _Watch(contents)
     with closing(sqlite3.connect(uri, uri=True)) as database:
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BLOCK)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(at_most(MAX_BLOCK), _LONGEST_VALUE))
         database.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
         database.set_progress_handler(watch, _LOOK)
         try:

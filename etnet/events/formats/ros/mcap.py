@@ -13,7 +13,7 @@ from pathlib import Path
 
 import lz4.frame
 
-from etnet.events.formats.bounds import MAX_BLOCK, Unpacked
+from etnet.events.formats.bounds import MAX_BLOCK, Unpacked, at_most
 from etnet.events.formats.ros.containers import Contents, CutOff, Message
 
 if sys.version_info >= (3, 14):
@@ -88,7 +88,7 @@ def _records(stream: BufferedIOBase) -> Iterator[tuple[int, bytes]]:
         if len(head) < 9 or head[:8] == MAGIC:
             raise CutOff("ends within a record")
         length = struct.unpack_from("<Q", head, 1)[0]
-        if length > MAX_BLOCK:
+        if length > at_most(MAX_BLOCK):
             raise CutOff(f"a record that claims {length} bytes")
         content = stream.read(length)
         if len(content) == length or (head[0] == _CHUNK and len(content) > _CHUNK_HEAD):
@@ -100,7 +100,7 @@ def _records(stream: BufferedIOBase) -> Iterator[tuple[int, bytes]]:
 
 def _unpacked(chunk: bytes) -> bytes:
     size = struct.unpack_from("<Q", chunk, 16)[0]
-    if size > MAX_BLOCK:
+    if size > at_most(MAX_BLOCK):
         raise CutOff(f"a chunk that claims {size} bytes")
     compression, place = _text(chunk, 28)
     packed = chunk[place + 8 :]
