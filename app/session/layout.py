@@ -25,7 +25,9 @@ INSPECTOR_WIDTH: dict[Workspace, int] = {
     "inspect": 356, "attention": 356, "compare": 356, "recording": 420, "demo": 356,
 }  # fmt: skip
 """CSS pixels of the right column."""
-COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
+Command = tuple[str, str | None, Any]
+"""Its name, its key, and what it asks for."""
+PUBLIC_COMMANDS: tuple[Command, ...] = (
     ("Play or pause", "space", ask.TogglePlay()),
     ("Play or pause ", "K", ask.TogglePlay()),
     ("Previous window", "J", ask.Move(-1)),
@@ -34,6 +36,10 @@ COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
     ("Forward 10 windows", "pagedown", ask.Move(10)),
     ("First window", "home", ask.Seek(0)),
     ("Last window", "end", ask.Seek(10**9)),
+)
+"""Through time; in public nothing else has a key of viser's."""
+COMMANDS: tuple[Command, ...] = (
+    *PUBLIC_COMMANDS,
     ("Mark A here", "I", ask.MarkHere("a")),
     ("Mark B here", "O", ask.MarkHere("b")),
     ("Clear marks", "U", ask.ClearMarks()),
@@ -118,7 +124,7 @@ def build_layout(
     gui = client.gui
     offered = [view for view in views if view.is_public or not is_public]
     open_channel(gui, dispatch, views, ticket)
-    _add_commands(gui, dispatch)
+    _add_commands(gui, dispatch, PUBLIC_COMMANDS if is_public else COMMANDS)
     panels = {view.name: view.make_panel(client) for view in offered}
     folders: dict[str, viser.GuiFolderHandle] = {}
 
@@ -181,8 +187,8 @@ def close_modal(modal: GuiModalHandle | None) -> None:
         modal.close()
 
 
-def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None]) -> None:
-    for label, key, intent in (*COMMANDS, ("Shortcuts and glossary", None, AskHelp())):
+def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None], commands: Sequence[Command]) -> None:
+    for label, key, intent in (*commands, ("Shortcuts and glossary", None, AskHelp())):
         command = gui.add_command(label, hotkey=key)  # pyright: ignore[reportArgumentType]  a key of viser's list
 
         def speak(intent: Any = intent) -> Callable[[viser.CommandEvent], object]:

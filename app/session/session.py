@@ -238,7 +238,7 @@ class Session:
             self._notify("This session cannot be shown", str(error))
             return
         if state is None:
-            self._reduce(ask.OpenRecording(recording_id))
+            self._reduce(*self._booth.opened(recording_id, self._state))
             if self._catalogue.is_film(recording_id):
                 self._reduce(ask.OpenTab("video"))
             return

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from app.views.scene import frame_plane
 from app.views.scene.frame_plane import FIRST_STAYS, FramePlane
 from app.views.scene.map_planes import MapPlanes
-from app.views.scene.space import DEPTH, Space, box_corners, camera_place
+from app.views.scene.space import CLOSE, DEPTH, Space, box_corners, camera_place
 from etnet.events.events import Sensor
 
 SENSORS = st.builds(Sensor, st.integers(1, 1280), st.integers(1, 720))
@@ -55,6 +55,32 @@ def test_every_corner_lies_inside_the_picture_on_any_canvas(camera, sensor, aspe
     assert (depth < place.far).all()
     assert (np.abs(offsets @ down) / depth <= half).all()
     assert (np.abs(offsets @ right) / depth <= half * aspect).all()
+
+
+@settings(deadline=None)
+@given(sensor=SENSORS.filter(lambda s: 0.2 < s.width / s.height < 5), aspect=st.floats(0.3, 4))
+def test_the_booths_camera_cuts_off_a_corner_at_most_and_never_the_middle_of_a_side(sensor, aspect):
+    space = Space(sensor)
+    place = camera_place(space, "booth", aspect)
+    corners = box_corners(space)
+    middles = np.array([(a + b) / 2 for a in corners for b in corners if ((a != b).sum() == 2)])
+    for points, beyond in ((corners, 1 / CLOSE), (middles, 1.0)):
+        across, down, depth = seen_from(place, points)
+        half = np.tan(place.fov / 2)
+        assert (depth > place.near).all()
+        assert (depth < place.far).all()
+        assert (np.abs(across) <= beyond * half * aspect * depth).all()
+        assert (np.abs(down) <= beyond * half * depth).all()
+
+
+def seen_from(place, points):
+    """How far points lie to the right, down and ahead of a camera."""
+    eye, at = np.array(place.position), np.array(place.look_at)
+    forward = (at - eye) / np.linalg.norm(at - eye)
+    right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
+    right /= np.linalg.norm(right)
+    offsets = points - eye
+    return offsets @ right, offsets @ np.cross(forward, right), offsets @ forward
 
 
 class Images:
