@@ -204,7 +204,7 @@ async def _hand_over(viewer: Running) -> str:
 
     assert viewer.uploads is not None
     desk = viewer.uploads.desk()
-    content = b"".join(b"%.6f %d %d %d\n" % (n / 1000, n % 40, n % 30, n % 2) for n in range(2000))
+    content = b"".join(b"%.6f %d %d %d\n" % (n / 9000, n % 640, n * 7 % 480, n % 2) for n in range(9000))
     try:
         address = _local(viewer, "upload").replace("http://", "ws://", 1)
         async with connect(address, compression=None) as socket:

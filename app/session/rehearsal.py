@@ -103,7 +103,8 @@ def rehearse_mirror(engine: Engine, catalogue: Catalogue, view: ViewState, mirro
         elif behind is not None:
             delays.append(behind)
     engine.drop(VISITOR)
-    return Mirrored(len(delays) / seconds, sorted(delays)[len(delays) // 2] if delays else seconds)
+    rate = len(delays) / (time.monotonic() - began)
+    return Mirrored(rate, sorted(delays)[len(delays) // 2] if delays else seconds)
 
 
 def _render(engine: Engine, request: FrameRequest) -> None:
