@@ -252,7 +252,7 @@ def _made_page(viewer: Running) -> bytes:
     limits = Limits(recording.sensor, plan_windows(recording, policy), recording.span.start)
     order = home_order(Here(replace(viewer.default, policy=policy), limits))
     if order is None:
-        raise EtnetError(f"{recording.name}: holds no events, so there is nothing to take home")
+        raise EtnetError(f"{recording.name}: holds no events, so no page can be made of it")
     is_there, made = threading.Event(), list[JobResult]()
 
     def hear(slot: str, result: JobResult) -> None:

@@ -94,9 +94,7 @@ def test_what_a_killed_viewer_left_is_swept_at_the_next_start(started, tmp_path)
 def test_a_demo_says_how_far_its_first_scene_is_before_its_address(tmp_path):
     environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", START, "--port", "0", "--model", "leaky-integrator", "--demo", "--cache", "off"]
-    viewer = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment, newline=""
-    )
+    viewer = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
     try:
         said = ""
         while "open http" not in said:

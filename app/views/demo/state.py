@@ -118,7 +118,7 @@ def reduce_demo(slice_: DemoState, intent: Any, here: Here) -> DemoState:
             return replace(kept, large="cloud")
         case TakeHome():
             order = home_order(here)
-            trouble = "" if order is not None else "Nothing is on show yet; try again in a moment."
+            trouble = "" if order is not None else "Nothing is shown yet; try again in a moment."
             return replace(slice_, sheet="home", home="", trouble=trouble, order=order)
         case HomeReady(path):
             return replace(slice_, home=path, order=None)
