@@ -152,8 +152,9 @@ def _of_plain(hint: Any, value: object, bounds: Bounds, said: Mapping[str, Any])
         return value if isinstance(value, bool) else None
     if hint is str:
         return value if isinstance(value, str) and _is_fine(value, said) else None
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or (isinstance(value, float) and (hint is int or not math.isfinite(value))):
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    if isinstance(value, float) and (hint is int or not math.isfinite(value)):
         return None
     low, high = said.get("range", (-bounds.largest, bounds.largest))
     if hint is int or "range" in said or bounds.clamps:

@@ -37,6 +37,8 @@ PATIENCE = 10.0
 """Seconds in which the first frames have to come."""
 FORGETS = 2.0
 """Seconds after its end for which a mirror's recording can still be read: the page is just leaving it."""
+MADE_WITHIN = 90.0
+"""Seconds for which it can be read longer, while its visitor's page to take home is made of it."""
 KEEP = Keep(LONGEST + 20, 128 << 20)
 LEAST, MOST = 0.06, 0.6
 """Contrast threshold at the two ends of the slider."""
@@ -87,6 +89,8 @@ class Mirror:
         self.ticket = secrets.token_urlsafe(18)
         self._on_change = on_change
         self.trouble = ""
+        self.ordered = ""
+        """The recording of which a page to take home is being made; empty while there is none."""
         self._mirrors = mirrors
         self._lock = RLock()
         self._live: LiveRecording | None = None
@@ -163,7 +167,7 @@ class Mirror:
 
     def close(self) -> None:
         """The visitor has gone."""
-        self._is_closed = True
+        self._is_closed, self.ordered = True, ""
         self._on_change = lambda recording_id: None
         self.end()
         self._mirrors.leave(self)
@@ -262,10 +266,19 @@ class Mirrors:
         self._take_in(Entry(recording_id, "Your own face", "mirror", "", Path("your own face")))
 
     def dismiss(self, mirror: Mirror, recording_id: str) -> None:
-        """Count a mirror out, and forget its recording when its page has left it."""
+        """Count a mirror out, and forget its recording when its page has left it, and has what was ordered of it."""
         with self._lock:
             self._running.discard(mirror)
-        later = Timer(FORGETS, self._let_go, (recording_id,))
+        self._forget_later(mirror, recording_id, time.monotonic() + MADE_WITHIN)
+
+    def _forget_later(self, mirror: Mirror, recording_id: str, ends: float) -> None:
+        def look() -> None:
+            if mirror.ordered == recording_id and time.monotonic() < ends:
+                self._forget_later(mirror, recording_id, ends)
+            else:
+                self._let_go(recording_id)
+
+        later = Timer(FORGETS, look)
         later.daemon = True
         later.start()
 

@@ -181,9 +181,10 @@ class Engine:
             self._live.work(self._stepped)
             return
         self._live_had_its_turn = False
-        turn = self._book.next_turn()
+        turn = None if self._jobs.is_owed else self._book.next_turn()
         if turn is not None:
             self._serve(turn)
+            self._jobs.note_granted()
         elif self._to_prepare is not None:
             self._prepare_model()
         elif self._jobs.num_waiting:

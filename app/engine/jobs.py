@@ -7,6 +7,7 @@ thread as an iterator, one short stretch at a time; between two stretches reques
 from __future__ import annotations
 
 import logging
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
@@ -22,6 +23,11 @@ from etnet.errors import Cancelled, ModelError
 
 KEPT_BYTES = 64 << 20
 """Whole answers that are kept for who asks again; the oldest go."""
+GRANTS = 3
+"""Requests that are served between two stretches of a file that was ordered, where somebody always waits: among twenty
+visitors whose recordings play it would never be made."""
+STRETCH = 0.4
+"""Seconds after which such a stretch makes way."""
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +47,11 @@ class Job(Hashable, Protocol):
         `Cancelled` that comes out restarts the job later, when the states that were laid make it shorter.
         """
         ...
+
+
+def is_ordered(job: Job) -> bool:
+    """Whether it makes a file that a person ordered and waits for, whatever plays meanwhile: the job says so itself."""
+    return bool(getattr(job, "is_ordered", False))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +85,8 @@ class JobQueue:
         self._changed = changed
         self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
         self._kept: ByteCache[Job, JobResult] = ByteCache(KEPT_BYTES, overhead=0)
+        self._num_granted = 0
+        self._must_yield: Callable[[], bool] = lambda: False
 
     def put(self, visitor: str, slot: str, job: Job, tell: Tell) -> None:
         """Ask; what stood in the slot is forgotten. An answer that is known comes at once."""
@@ -105,15 +118,30 @@ class JobQueue:
         with self._changed:
             return len(self._entries)
 
+    def note_granted(self) -> None:
+        """A request was served. Called on the engine's thread."""
+        self._num_granted += 1
+
+    @property
+    def is_owed(self) -> bool:
+        """Whether a file that was ordered has waited for its turn while `GRANTS` requests were served."""
+        with self._changed:
+            ordered = any(is_ordered(entry.job) for entry in self._entries.values())
+            return ordered and self._num_granted >= GRANTS
+
     def work(self, is_wanted_elsewhere: Callable[[], bool]) -> None:
         """One stretch of the job whose turn it is. Called on the engine's thread alone."""
+        is_owed, ends = self.is_owed, time.monotonic() + STRETCH
         with self._changed:
-            if not self._entries:
+            waiting = ((key, entry) for key, entry in self._entries.items() if not is_owed or is_ordered(entry.job))
+            key, entry = next(waiting, (None, None))
+            if key is None or entry is None:
                 return
-            key, entry = next(iter(self._entries.items()))
             self._entries.move_to_end(key)
+        self._num_granted = 0
+        self._must_yield = lambda: is_wanted_elsewhere() and not (is_owed and time.monotonic() < ends)
         try:
-            self._advance(key, entry, is_wanted_elsewhere)
+            self._advance(key, entry)
         except Cancelled:
             entry.answers = None
         except Exception as error:
@@ -122,12 +150,12 @@ class JobQueue:
             if not self._holds(key, entry):
                 _end(entry)
 
-    def _advance(self, key: tuple[str, str], entry: _Entry, is_wanted_elsewhere: Callable[[], bool]) -> None:
+    def _advance(self, key: tuple[str, str], entry: _Entry) -> None:
         if entry.answers is None:
             self._playbacks.start()
             loaded = self._playbacks.reaching(entry.job.request)
             _check_index(entry.job.request, loaded)
-            entry.answers = entry.job.run(loaded, lambda: is_wanted_elsewhere() or not self._holds(key, entry))
+            entry.answers = entry.job.run(loaded, lambda: self._must_yield() or not self._holds(key, entry))
         answer = next(entry.answers, None)
         if answer is not None:
             entry.newest = answer
@@ -137,7 +165,8 @@ class JobQueue:
                 return
         value, _ = entry.newest
         result = JobResult(entry.job, value, 1.0, is_whole=True)
-        self._kept.keep(result.job, result, num_bytes(value))
+        if self._playbacks.held(entry.job.request) is not None:  # of what is forgotten no answer is kept
+            self._kept.keep(result.job, result, num_bytes(value))
         self._settle(key, entry, result)
 
     def _holds(self, key: tuple[str, str], entry: _Entry) -> bool:

@@ -49,5 +49,5 @@ def coming_html(desk: UploadsShown) -> str:
 
 def public_handing_html(desk: UploadsShown) -> str:
     """A button that a finger cannot miss, for a page in public."""
-    button = f'<button class="etv-big" data-etv-upload>Your own file, up to {escape(desk.limit)}</button>'
+    button = f'<button class="etv-big" data-etv-upload>Your own video, up to {escape(desk.limit)}</button>'
     return (button if desk.coming is None else "") + coming_html(desk)

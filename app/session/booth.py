@@ -15,11 +15,14 @@ from app.session.jobs import JobNews
 from app.session.presentation import Seat
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
-from app.views.demo.state import HOME_SLOT, HomeReady, OpenSheet
+from app.views.demo.state import HOME_SLOT, DemoState, HomeFailed, HomeReady, MirrorEnded, OpenSheet, TakeHome
+from app.views.export.state import Order
 from app.views.page import MirrorShown
 
 STUCK = 6.0
 """Seconds after which the mirror goes on though the image of its moment never came."""
+WAITS = 120.0
+"""Seconds for which a visitor waits for the page that they ordered; then they count as gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,7 @@ class Booth:
         self.idle = None if mirror is None else MirrorShown(mirror.ticket)
         """What the page says of a mirror that does not run."""
         self._moved_at = 0.0
+        self._ordered: tuple[Order, float] | None = None
 
     @property
     def recording_id(self) -> str:
@@ -66,6 +70,15 @@ class Booth:
         """Whether the page shows the mirror."""
         return bool(self.recording_id) and state.recording_id == self.recording_id
 
+    def offers(self, intent: Any) -> bool:
+        """Whether what a page asks for is to be had here: a page can send what it does not show."""
+        match intent:
+            case TakeHome() | OpenSheet("home"):
+                return self.homes is not None
+            case OpenSheet("mirror"):
+                return self.mirror is not None
+        return True
+
     def heard(self, news: MirrorNews, home_id: str) -> tuple[Any, ...]:
         """What follows when the camera begins or ends: its recording plays, or the former one is shown again."""
         self.is_active = self._seat is not None or bool(news.recording_id)
@@ -73,12 +86,26 @@ class Booth:
             self.idle = MirrorShown(self.mirror.ticket, trouble=self.mirror.trouble)
         if news.recording_id:
             return OpenSheet(""), ask.OpenRecording(news.recording_id), ask.TogglePlay()
-        trouble = self.mirror is not None and self.mirror.trouble
-        return ask.OpenRecording(home_id), ask.TogglePlay(), OpenSheet("mirror" if trouble else "")
+        is_told = self.mirror is not None and bool(self.mirror.trouble)
+        return ask.OpenRecording(home_id), ask.TogglePlay(), MirrorEnded(is_told)
+
+    def waits(self, state: ViewState) -> bool:
+        """Whether the visitor waits for their page: they have not gone, though they touch nothing."""
+        order, now = state.of(DemoState).order, time.monotonic()
+        if order is None:
+            self._ordered = None
+            return False
+        if self._ordered is None or self._ordered[0] is not order:
+            self._ordered = order, now
+        return now - self._ordered[1] < WAITS
 
     def advance(self, state: ViewState, shown: int | None) -> None:
         """Close the mirror's next window, once the image of the current one has come."""
-        if self.mirror is None or not self.is_live(state) or not state.is_playing:
+        if self.mirror is None:
+            return
+        order = state.of(DemoState).order
+        self.mirror.ordered = "" if order is None else order.recording_id
+        if not self.is_live(state) or not state.is_playing:
             return
         if (shown is not None and shown >= state.index) or time.monotonic() - self._moved_at > STUCK:
             self._moved_at = time.monotonic()
@@ -92,9 +119,19 @@ class Booth:
         return last if last > state.index else None
 
     def goes_on(self, intent: Any, was_playing: bool, state: ViewState) -> tuple[Any, ...]:
-        """A touch asks where the network looks; in the mirror, the world goes on meanwhile."""
-        is_query = isinstance(intent, ask.Query | ask.QueryFraction)
-        return (ask.TogglePlay(),) if is_query and was_playing and not state.is_playing and self.is_live(state) else ()
+        """A touch asks where the network looks, or for a page; in the mirror, the world goes on meanwhile.
+
+        A scene that is opened in public plays.
+        """
+        if isinstance(intent, ask.OpenRecording):
+            return self.opened(intent.recording_id, state)[1:]
+        pauses = isinstance(intent, ask.Query | ask.QueryFraction | TakeHome)
+        return (ask.TogglePlay(),) if pauses and was_playing and not state.is_playing and self.is_live(state) else ()
+
+    def opened(self, recording_id: str, state: ViewState) -> tuple[Any, ...]:
+        """What opens a recording: nobody who comes by would think of pressing play."""
+        plays = state.is_public and (recording_id != state.recording_id or not state.is_playing)
+        return ask.OpenRecording(recording_id), *((ask.TogglePlay(),) if plays else ())
 
     def shown(self, moment: Moment | None, ready_index: int | None) -> MirrorShown | None:
         """What the page says of the mirror."""
@@ -109,9 +146,12 @@ class Booth:
     def kept(self, news: JobNews) -> tuple[Any, ...] | None:
         """A page that is made goes to its place, and the visitor is told where; `None`: it is no such page."""
         made = news.result.value
-        if news.slot != HOME_SLOT or not isinstance(made, Download) or self.homes is None:
+        if news.slot == HOME_SLOT and news.result.trouble:
+            return (HomeFailed(news.result.trouble),)
+        if news.slot != HOME_SLOT or not isinstance(made, Download):
             return None
-        return HomeReady(self.homes.put(made.content)), Downloaded(news.slot)
+        ready = () if self.homes is None else (HomeReady(self.homes.put(made.content)),)
+        return *ready, Downloaded(news.slot)
 
     def close(self) -> None:
         """The visitor has gone."""

@@ -9,10 +9,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from app.catalogue.recording_id import listed_id
 from app.state import intents as ask
 from app.state.view_state import ViewState
 from app.views import VIEWS
-from app.views.demo.state import Act, PointAt
+from app.views.demo.state import Act, DemoState, Large, PointAt
 from app.views.view import View
 
 IDLE = 60.0
@@ -27,14 +28,20 @@ STALLED = 20.0
 
 _PLACES = ((0.5, 0.45), (0.3, 0.6), (0.66, 0.3))
 """Where the third act looks from, as fractions of the picture."""
-_FORBIDDEN = ask.ReopenRecording | ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy
-"""What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense."""
+_FORBIDDEN = (
+    ask.ReopenRecording | ask.ChooseModel | ask.ChoosePrecision | ask.ChoosePolicy | ask.ChooseCleaning
+    | ask.ShowWorkspace | ask.OpenTab | ask.StageCard
+)  # fmt: skip
+"""What a visitor may not do in public: it would load networks, plan windows and lay states at everybody's expense, or
+leave the demo, which alone starts over when its visitor has gone."""
 
 
 def may_ask(intent: Any, views: Sequence[View]) -> bool:
     """Whether a visitor in public may ask for this: of the page most, of a view all, if it is a public one."""
     if isinstance(intent, _FORBIDDEN):
         return False
+    if isinstance(intent, ask.OpenRecording) and intent.recording_id != listed_id(intent.recording_id):
+        return False  # the same file, seen in another way
     if isinstance(intent, ask.Set):
         return any(view.name == intent.view and view.is_public for view in views)
     home = type(intent).__module__
@@ -129,6 +136,14 @@ def public_view(default: ViewState, views: Sequence[View] = VIEWS) -> ViewState:
     """How a public page begins: large pictures, each shown when the network has made it."""
     public = replace(default, workspace="demo", waits_for_frames=True, is_public=True)
     return public.put(*(view.in_public for view in views if view.in_public is not None))
+
+
+def public_moment(linked: ViewState, state: ViewState) -> ViewState:
+    """What of a link's moment a page in public shows: the recording, the time and the pixel, as the demo shows them."""
+    large: Large = "cloud" if linked.query is None else "map"
+    there = replace(state, recording_id=listed_id(linked.recording_id), policy=None, query=linked.query)
+    there = replace(there, index=0, moment=linked.moment, mark_a=None, mark_b=None, is_playing=False)
+    return there.put(DemoState(large=large))
 
 
 class Throttle:

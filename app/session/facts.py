@@ -73,6 +73,10 @@ class KnownFacts:
         """How the live source fares, which changes all the time."""
         return self._catalogue.live(shown_index)
 
+    def film(self, state: ViewState) -> VideoShown | None:
+        """How far the current video is by now."""
+        return self._catalogue.film(state.recording_id)
+
     def forget(self) -> None:
         """Something was done that changes the catalogue: it is asked with the next picture."""
         self._facts = None
@@ -85,7 +89,8 @@ class KnownFacts:
             model_id=state.model_id,
             model=facts_of(catalogue.model(state.model_id)),
             recordings=tuple(
-                Choice(entry.id, entry.title, entry.subtitle, catalogue.facts(entry)) for entry in catalogue.entries()
+                Choice(entry.id, entry.title, entry.subtitle, catalogue.facts(entry), catalogue.is_film(entry.id))
+                for entry in catalogue.entries()
             ),
             models=tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
             growing=catalogue.growing(),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from app.engine.jobs import Job, JobResult, Tell
+from app.engine.jobs import Job, JobResult, Tell, is_ordered
 from app.state.view_state import ViewState
 
 
@@ -66,8 +66,9 @@ class VisitorJobs:
                 self._engine.job(self._visitor, slot, job, lambda slot, result: self._post(JobNews(slot, result)))
 
     def keep(self, jobs: Mapping[str, Job]) -> None:
-        """Drop what is no longer wanted; ask nothing new."""
-        self.want({slot: job for slot, job in self._asked.items() if slot in jobs})
+        """Drop what is no longer wanted; ask nothing new but for files that were ordered."""
+        asked = {slot: job for slot, job in self._asked.items() if slot in jobs}
+        self.want(asked | {slot: job for slot, job in jobs.items() if is_ordered(job)})
 
     def follow(self, jobs: Mapping[str, Job], index: int) -> None:
         """The same while a source is followed, which never comes to rest: what is wanted at one window (`index`) and at

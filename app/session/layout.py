@@ -24,7 +24,7 @@ INSPECTOR_WIDTH: dict[Workspace, int] = {
     "inspect": 356, "attention": 356, "compare": 356, "recording": 420, "demo": 356,
 }  # fmt: skip
 """CSS pixels of the right column."""
-COMMANDS = (
+PUBLIC_COMMANDS = (
     Command("Play or pause", "space", ask.TogglePlay()),
     Command("Play or pause ", "K", ask.TogglePlay()),
     Command("Previous window", "J", ask.Move(-1)),
@@ -33,6 +33,10 @@ COMMANDS = (
     Command("Forward 10 windows", "pagedown", ask.Move(10)),
     Command("First window", "home", ask.Seek(0)),
     Command("Last window", "end", ask.Seek(10**9)),
+)
+"""Through time; in public nothing else has a key of viser's."""
+COMMANDS = (
+    *PUBLIC_COMMANDS,
     Command("Mark A here", "I", ask.MarkHere("a")),
     Command("Mark B here", "O", ask.MarkHere("b")),
     Command("Clear marks", "U", ask.ClearMarks()),
@@ -118,7 +122,7 @@ def build_layout(
     gui = client.gui
     offered = [view for view in views if view.is_public or not is_public]
     open_channel(gui, dispatch, views, ticket)
-    _add_commands(gui, views, dispatch)
+    _add_commands(gui, dispatch, PUBLIC_COMMANDS if is_public else commands_of(views))
     panels = {view.name: view.make_panel(client) for view in offered}
     folders: dict[str, viser.GuiFolderHandle] = {}
 
@@ -183,9 +187,13 @@ def close_modal(modal: GuiModalHandle | None) -> None:
         modal.close()
 
 
-def _add_commands(gui: viser.GuiApi, views: Sequence[View], dispatch: Callable[[Any], None]) -> None:
-    of_views = (command for view in views for command in view.commands)
-    for each in (*COMMANDS, *of_views, Command("Shortcuts and glossary", None, AskHelp())):
+def commands_of(views: Sequence[View]) -> tuple[Command, ...]:
+    """All commands of a page that is not public: its own, and what its views add."""
+    return *COMMANDS, *(command for view in views for command in view.commands)
+
+
+def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None], commands: Sequence[Command]) -> None:
+    for each in (*commands, Command("Shortcuts and glossary", None, AskHelp())):
         intent, command = each.intent, gui.add_command(each.label, hotkey=each.key)  # pyright: ignore[reportArgumentType]  a key of viser's list
 
         def speak(intent: Any = intent) -> Callable[[viser.CommandEvent], object]:

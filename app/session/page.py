@@ -33,16 +33,23 @@ SCENE_INTERVAL = 1 / 12
 """Seconds between two pushes to the 3-D scene while it moves: a browser that is sent more textures shows fewer."""
 
 
+IMAGES_A_SCENE = 2.0
+"""Of the mirror, for one push to the scene: a browser that draws it in software on the same machine slows the network,
+and then gets it less often."""
+
+
 class ScenePace:
     """Which pages of a drag reach the 3-D scene; at rest all do."""
 
     def __init__(self) -> None:
         self._drawn_at = 0.0
 
-    def is_due(self, is_moving: bool) -> bool:
-        """Whether the page that is made now is one of them."""
+    def is_due(self, is_moving: bool, step: float | None = None) -> bool:
+        """Whether the page that is made now is one of them. `step`: of the network, ms, where it must keep up with what
+        the scene shows."""
         now = time.monotonic()
-        if is_moving and now - self._drawn_at < SCENE_INTERVAL:
+        interval = SCENE_INTERVAL if step is None else max(SCENE_INTERVAL, IMAGES_A_SCENE * step / 1000)
+        if is_moving and now - self._drawn_at < interval:
             return False
         self._drawn_at = now
         return True
@@ -75,6 +82,7 @@ class PageComposer:
         booth, is_shared = self.booth, self.booth.is_active
         frames, facts, limits = self.frames, self.known.of(state), self.loader.limits(state)
         shown_index = frames.ready.request.index if limits.is_live and frames.ready is not None else None
+        step = self.engine.status(frames.request).step_milliseconds if frames.request else None
         page = Page(
             state,
             moment,
@@ -83,7 +91,7 @@ class PageComposer:
             frames.failed,
             cached,
             facts.model,
-            self.engine.status(frames.request).step_milliseconds if frames.request else None,
+            step,
             self._hovered(state, moment, hovers_at),
             is_moving,
             facts.recordings,
@@ -92,13 +100,13 @@ class PageComposer:
             facts.growing,
             results=results,
             runs=runs,
-            video=facts.video,
+            video=None if facts.video is None else self.known.film(state),
             file_name=facts.file_name,
             stated_id=self._stated_id(state, facts.can_be_stated, refused.recording_id),
             can_be_binned=facts.can_be_binned,
             uploads=facts.uploads,
             link=to_link(state, moment.window.t_stop) if moment is not None and not is_moving else "",
-            draws_scene=self.scene_pace.is_due(is_moving),
+            draws_scene=self.scene_pace.is_due(is_moving, step if self.booth.is_live(state) else None),
             areas=areas(state, self.views),
             placed=self.loader.placed(state),
             live=self.known.live(shown_index)

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Event
+from typing import Protocol
 
 from app.catalogue.cut import CutRecording
 from app.catalogue.live import WaitingForEvents
@@ -98,6 +99,60 @@ def _followed(engine: Engine, recording: CutRecording, view: ViewState, tell: Te
     finally:
         engine.drop(VISITOR)
     return Rehearsed(num_images, step)
+
+
+class Looking(Protocol):
+    """A mirror that somebody looks into."""
+
+    @property
+    def recording_id(self) -> str:
+        """What is looked at."""
+        ...
+
+    def advance(self) -> None:
+        """The network is free."""
+        ...
+
+    def behind(self, stamp: int) -> float | None:
+        """Seconds since the frame of this stamp (µs) came in."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Mirrored:
+    """How the network followed a mirror: images a second, and seconds by which the median image was behind."""
+
+    rate: float
+    delay: float
+
+
+def rehearse_mirror(engine: Engine, catalogue: Catalogue, view: ViewState, mirror: Looking, seconds: float) -> Mirrored:
+    """Make an image of what a mirror sees whenever the network is free, as its page does, while frames come in.
+
+    Raises EtnetError where nothing can be shown of it.
+    """
+    recording = catalogue.open(mirror.recording_id)
+    policy = suited_policy(recording)
+    began, last, delays, ends = 0.0, -1, list[float](), time.monotonic() + PATIENCE
+    while not began or time.monotonic() - began < seconds:
+        if time.monotonic() > ends:
+            raise ModelError(f"no image of the mirror within {PATIENCE:.0f} s; the machine is too slow, or busy")
+        mirror.advance()
+        assert recording.latest is not None
+        windows = plan_windows(recording.latest(), policy)
+        if len(windows) - 1 == last:
+            time.sleep(0.005)
+            continue
+        last = len(windows) - 1
+        _render(engine, FrameRequest(mirror.recording_id, view.model_id, view.precision, policy, last))
+        behind = mirror.behind(windows[last].t_stop)
+        if not began:
+            began = time.monotonic()  # the first image waits for the network to be made ready for this size
+        elif behind is not None:
+            delays.append(behind)
+    engine.drop(VISITOR)
+    rate = len(delays) / (time.monotonic() - began)
+    return Mirrored(rate, sorted(delays)[len(delays) // 2] if delays else seconds)
 
 
 def _render(engine: Engine, request: FrameRequest) -> None:

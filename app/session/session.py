@@ -209,7 +209,7 @@ class Session:
             case _:
                 self._has_asked = True
                 self._touch()
-                if not self._is_public or self._showing.permits(item):
+                if self._showing.permits(item):
                     self._perform(item)
         self._is_dirty = True
 

@@ -16,7 +16,7 @@ from app.catalogue.visitor import VisitorCatalogue
 from app.engine.downloads import Download, Downloaded
 from app.session.booth import Booth
 from app.session.channel import AskHelp, Copied, FollowLink
-from app.session.demo import DemoScript, Throttle, intents_of, may_ask
+from app.session.demo import DemoScript, Throttle, intents_of, may_ask, public_moment
 from app.session.jobs import JobNews
 from app.session.layout import close_modal, show_help
 from app.state import intents as ask
@@ -65,7 +65,7 @@ class Visit:
 
     def permits(self, intent: Any) -> bool:
         """Whether a visitor may ask for this here."""
-        return self._attract is None or may_ask(intent, self._views)
+        return self._booth.offers(intent) and (self._attract is None or may_ask(intent, self._views))
 
     def touch(self) -> tuple[Any, ...]:
         """What follows from the visitor's doing anything: with the first touch they have control."""
@@ -78,7 +78,7 @@ class Visit:
 
         A new recording is shown as to somebody who has just come.
         """
-        if self._attract is not None and self._booth.is_live(state):
+        if self._attract is not None and (self._booth.is_live(state) or self._booth.waits(state)):
             self._attract.touch(time.monotonic())
         beat = None if self._attract is None else self._attract.due(is_up, time.monotonic())
         if beat is None:
@@ -114,7 +114,7 @@ class Visit:
         if page is not None:
             return replace(page, workspace=state.workspace, tab=state.tab, visit=state.visit), ()
         told = (view.name for view in self._views if view.opens_for(self._catalogue, recording_id))
-        return state, (ask.OpenRecording(recording_id), *map(ask.OpenTab, told))
+        return state, (*self._booth.opened(recording_id, state), *map(ask.OpenTab, told))
 
     def hand_over(self, news: JobNews) -> tuple[Any, ...]:
         """Let the browser save a file that is made; what follows."""
@@ -161,9 +161,7 @@ class Visit:
         if linked.model_id not in {entry.id for entry in self._catalogue.models()}:
             linked, refused = replace(linked, model_id=state.model_id), (*refused, "the network")
         if self._attract is not None:
-            linked = replace(linked, model_id=state.model_id, precision=state.precision, policy=None)
-            private = {view.name for view in self._views if not view.is_public}
-            linked = replace(linked, slices=tuple(s for s in linked.slices if s.view not in private))
+            linked = public_moment(linked, state)
         if refused:
             self.refuse("Not all of this moment could be shown", f"Left out: {', '.join(refused)}.")
         return linked

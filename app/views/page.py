@@ -28,6 +28,8 @@ class Choice:
     subtitle: str = ""
     facts: str = ""
     """What it is, as far as that is known: sensor, duration, format."""
+    is_film: bool = False
+    """Whether it is a video, of which an event sensor's view is simulated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,19 @@
   let led = null;
   let seenAt = Date.now();
   let cover = null;
-  const reload = () => location.reload();
+  // The next visitor finds neither what the last one's page kept nor the moment that an address of theirs named.
+  const reload = () => {
+    try {
+      localStorage.clear();
+      sessionStorage.clear();
+    } catch {
+      // a page that may keep nothing has kept nothing
+    }
+    const address = new URL(location.href);
+    address.searchParams.delete("moment");
+    if (address.href === location.href) location.reload();
+    else location.replace(address);
+  };
 
   const wait = async () => {
     if (cover) return;
@@ -33,12 +45,11 @@
     const now = mark();
     if (now) {
       isPublic = true;
+      window.etnetStartOver = reload;
       seenAt = Date.now();
       const leads = now.dataset.etvPublic !== "none";
       if (leads && led === false) reload(); // a visitor has gone: nothing of theirs survives
       led = leads;
-    } else if (document.querySelector(".etv-page-mark, .etv-home-button")) {
-      seenAt = Date.now(); // in public, at another workspace
     }
     if (isPublic && Date.now() - seenAt > LOST) wait();
   }, 250);

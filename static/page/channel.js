@@ -376,7 +376,7 @@
     if (document.visibilityState !== "visible" || !window.etnetChannel) return;
     try {
       await fetch("/static/icon.svg", { cache: "no-store", signal: AbortSignal.timeout(3000) });
-      if (misses >= 2) location.reload();
+      if (misses >= 2) (window.etnetStartOver ?? (() => location.reload()))();
       misses = 0;
     } catch {
       misses += 1;

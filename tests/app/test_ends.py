@@ -3,6 +3,7 @@
 import asyncio
 import http.client
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -88,6 +89,25 @@ def test_what_a_killed_viewer_left_is_swept_at_the_next_start(started, tmp_path)
     (left / "visitor" / "secret.raw").write_bytes(b"events")
     started()
     assert not left.exists()
+
+
+def test_a_demo_says_how_far_its_first_scene_is_before_its_address(tmp_path):
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", START, "--port", "0", "--model", "leaky-integrator", "--demo", "--cache", "off"]
+    viewer = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
+    try:
+        said = ""
+        while "open http" not in said:
+            line = viewer.stdout.readline()
+            assert line, said
+            said += line
+    finally:
+        viewer.kill()
+        viewer.communicate()
+    told = re.findall(r"Preparing the first scene: image (\d+) of (\d+)", said.partition("open http")[0])
+    totals = {int(total) for _, total in told}
+    assert len(totals) == 1
+    assert [int(done) for done, _ in told] == list(range(1, totals.pop() + 1))
 
 
 def test_a_token_with_odd_signs_prints_an_address_that_opens(started):

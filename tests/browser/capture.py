@@ -17,7 +17,9 @@ import numpy as np
 
 from app.config import ViewerConfig
 from app.main import Viewer
+from app.views.demo.html import ACTS
 from etnet.export.video import video_writer
+from tests.browser.booth import open_demo, press
 from tests.browser.chromium import chromium, executable
 
 SECONDS = 5.0
@@ -30,8 +32,8 @@ ON_SHEET = 10
 COLUMNS = {True: 5, False: 10}
 """Of the sheet, for a page that is wider than high and for one that is not."""
 SHEET_WIDTH = 2400
-WAITS = {"act": 9_000, "file": 500}
-"""Milliseconds before a film begins; the demo's next act is on by then."""
+WAITS = {"file": 500}
+"""Milliseconds before a film begins."""
 NOTE_IMAGES = """window.images = [];
 let shown;
 setInterval(() => {
@@ -126,28 +128,66 @@ def stamped(frame: np.ndarray, second: float, width: int) -> np.ndarray:
 
 
 def film_demo(browser, folder: Path) -> None:
-    """The demo as a visitor meets it who comes cold, from the first byte on; nobody touches it."""
+    """The demo as a visitor meets it who comes cold; then each act, and all that can be opened."""
     viewer = Viewer(ViewerConfig(demo=True, port=0))
     try:
         viewer.rehearse()
         for width, height in SIZES:
-            phone = {"is_mobile": True, "has_touch": True} if width < 500 else {}
-            context = browser.new_context(viewport={"width": width, "height": height}, **phone)
-            context.add_init_script(NOTE_IMAGES)
-            page = context.new_page()
-            page.set_default_timeout(PATIENCE)
-            page.goto(viewer.url, wait_until="commit")
-            film = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
-            page.wait_for_function("() => window.images.length > 2")
-            first, second = page.evaluate("() => window.images.slice(0, 2)")
-            page.wait_for_timeout(WAITS["act"])
-            acts = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
-            context.close()  # it would go on painting, and take the processor from the film that is written
-            print(f"first image after {first:.1f} s, motion {second - first:.1f} s later")
-            keep(film, folder, f"demo_cold_{width}")
-            keep(acts, folder, f"demo_acts_{width}")
+            film_cold(browser, viewer, folder, width, height)
+            page = open_demo(browser, viewer, width, height)
+            for act in ACTS:
+                page.locator(f".etv-demo[data-act={act}]").wait_for()
+                keep(record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000)), folder, f"{act}_{width}")
+            for name, prepare in OPENED.items():
+                prepare(page)
+                film = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
+                keep(film, folder, f"{name}_{width}")
+            page.context.close()
     finally:
         viewer.stop()
+
+
+def film_cold(browser, viewer: Viewer, folder: Path, width: int, height: int) -> None:
+    """The first seconds of a page that nobody has loaded before."""
+    phone = {"is_mobile": True, "has_touch": True} if width < 500 else {}
+    context = browser.new_context(viewport={"width": width, "height": height}, **phone)
+    context.add_init_script(NOTE_IMAGES)
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE)
+    page.goto(viewer.url, wait_until="commit")
+    film = record(page, lambda: page.wait_for_timeout(SECONDS * 1000))
+    page.wait_for_function("() => window.images.length > 2")
+    first, second = page.evaluate("() => window.images.slice(0, 2)")
+    context.close()  # it would go on painting, and take the processor from the film that is written
+    print(f"first image after {first:.1f} s, motion {second - first:.1f} s later")
+    keep(film, folder, f"cold_{width}")
+
+
+def _show_the_mirror(page) -> None:
+    press(page, "Use my camera")
+    page.get_by_test_id("delay").wait_for()
+
+
+def _show_the_page_to_take_home(page) -> None:
+    press(page, "Take it home")
+    page.get_by_test_id("home-link").wait_for()
+
+
+def _guess(page) -> None:
+    press(page, "Close")
+    page.evaluate("() => document.querySelector('[data-etv-camera-stop]').click()")
+    page.get_by_test_id("mirror").wait_for(state="hidden")
+    page.locator(".etv-image img").wait_for()
+    press(page, "Guess first")
+
+
+OPENED: dict[str, Callable] = {
+    "consent": lambda page: press(page, "Your own face"),
+    "mirror": _show_the_mirror,
+    "home": _show_the_page_to_take_home,
+    "guess": _guess,
+}
+"""What a visitor opens, one after the other."""
 
 
 def film_page(browser, file: Path, folder: Path) -> None:

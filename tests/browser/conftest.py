@@ -40,6 +40,26 @@ def viewer(browser):
 
 
 @pytest.fixture(scope="module")
+def demo(browser):
+    """A demo whose first scene is rendered."""
+    from tests.browser.booth import serve
+
+    running = serve()
+    running.rehearse()
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def stays(monkeypatch):
+    """The demo's page stays with its visitor until this is called; then nobody has touched it for long enough."""
+    from app.session import demo as script
+
+    monkeypatch.setattr(script, "IDLE", 1e9)
+    return lambda: monkeypatch.setattr(script, "IDLE", 1.0)
+
+
+@pytest.fixture(scope="module")
 def shared_pages(browser, viewer):
     """The page of a file's tests, once one of them has asked for it."""
     opened = []

@@ -89,6 +89,19 @@ def shown(page, index: int) -> None:
     page.locator(f'html[data-shown="{index}"]').wait_for()
 
 
+def test_it_plays_by_itself_where_nothing_speaks_against_it_and_rests_at_a_named_moment(plain_browser, page_file):
+    for address, plays in ((page_file.as_uri(), True), (f"{page_file.as_uri()}#t=0.3", False)):
+        context = plain_browser.new_context(offline=True, reduced_motion="no-preference")
+        page = context.new_page()
+        page.goto(address)
+        page.locator("html[data-shown]").wait_for(timeout=60_000)
+        assert page.get_by_role("button", name="Pause" if plays else "Play", exact=False).first.is_visible()
+        first = page.locator("html").get_attribute("data-shown")
+        if plays:
+            page.wait_for_function("(first) => document.documentElement.dataset.shown !== first", arg=first)
+        context.close()
+
+
 def test_every_panel_shows_something_and_nothing_sticks_out(page):
     for canvas in page.locator("canvas").all():
         colours = canvas.evaluate(

@@ -5,28 +5,11 @@ import urllib.request
 
 import pytest
 
-from app.config import ViewerConfig
-from app.main import Viewer
-from app.session import demo as script
-from tests.browser.chromium import PATIENCE, box_of
-from tests.browser.conftest import ROI
+from tests.browser.booth import OURS, REACHED, close, open_demo, press, serve, touch
+from tests.browser.chromium import PATIENCE
+from tests.browser.faults import FAULTS
+from tests.simulation.films import drifting, write_film
 
-OURS = ".etv-demo, .etv-demo-bar, .etv-bar, .etv-card, .etv-tour, .mantine-Modal-content:has(.etv-help)"
-REACHED = """(ours) => {
-  const wanted = 'button, input, select, textarea, a[href], summary, [role=button], [role=tab], [role=slider],'
-    + '[tabindex="0"], [data-dock-griphandle], [data-dock-strip], [data-dock-minimize], [data-dock-resize],'
-    + '.mantine-Burger-root';
-  const found = [];
-  for (const element of document.querySelectorAll(wanted)) {
-    if (element.closest(ours) || !element.checkVisibility()) continue;
-    const box = element.getBoundingClientRect();
-    if (box.width < 2 || box.height < 2) continue;
-    const on = document.elementFromPoint(box.left + box.width / 2, box.top + box.height / 2);
-    const isOn = on && on !== document.body && (element.contains(on) || on.contains(element));
-    if (isOn) found.push(element.outerHTML.slice(0, 200));
-  }
-  return found;
-}"""
 SMALL = """() => [...document.querySelectorAll('.etv-demo button, .etv-demo-bar button, .etv-track')]
   .filter((element) => element.checkVisibility())
   .map((element) => [element.getBoundingClientRect(), element.outerHTML.slice(0, 120)])
@@ -35,64 +18,17 @@ SMALL = """() => [...document.querySelectorAll('.etv-demo button, .etv-demo-bar 
   .map(([box, html]) => `${Math.round(box.width)}x${Math.round(box.height)} ${html}`)"""
 
 
-def serve(**options):
-    return Viewer(ViewerConfig(demo=True, budget=256, threads=1, roi=",".join(map(str, ROI)), **{"port": 0, **options}))
-
-
-@pytest.fixture(scope="module")
-def demo(browser):
-    viewer = serve()
-    viewer.rehearse()
-    yield viewer
-    viewer.stop()
-
-
-@pytest.fixture
-def stays(monkeypatch):
-    """The page stays with its visitor until this is called; then nobody has touched it for long enough."""
-    monkeypatch.setattr(script, "IDLE", 1e9)
-    return lambda: monkeypatch.setattr(script, "IDLE", 1.0)
-
-
-def open_demo(browser, viewer, width=1600, height=900, prepare=lambda page: None):
-    phone = {"is_mobile": True, "has_touch": True, "device_scale_factor": 2} if width < 500 else {}
-    context = browser.new_context(viewport={"width": width, "height": height}, permissions=["camera"], **phone)
-    page = context.new_page()
-    page.set_default_timeout(PATIENCE)
-    page.errors = []
-    page.on("pageerror", lambda error: page.errors.append(str(error)))
-    prepare(page)
-    page.goto(f"{viewer.url}/?fixedDpr=1", wait_until="commit")
-    page.locator(".etv-image img").wait_for()
-    return page
-
-
-def touch(page):
-    """A finger on the image: its HTML is replaced with each new frame, so it is aimed at and not waited for."""
-    box = box_of(page, page.locator(".etv-image .etv-frame"))
-    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-
-
-def press(page, name):
-    """A finger on a button: what is drawn twelve times a second never rests, so it is aimed at and not waited for."""
-    box = box_of(page, page.get_by_role("button", name=name))
-    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-
-
-def close(page):
-    assert page.errors == []
-    page.context.close()
-
-
-@pytest.mark.parametrize("size", [(1600, 900), (1280, 720), (390, 844), (360, 640)])
+@pytest.mark.parametrize("size", [(1600, 900), (1280, 720), (430, 932), (390, 844), (360, 640)])
 def test_nothing_of_visers_own_is_in_reach(browser, demo, stays, size):
     page = open_demo(browser, demo, *size)
     page.wait_for_timeout(1000)
     assert page.evaluate(REACHED, OURS) == []
     assert page.evaluate(SMALL) == []
+    assert page.evaluate(FAULTS) == []
     touch(page)
     page.get_by_test_id("map").wait_for()
     assert page.evaluate(REACHED, OURS) == []
+    assert page.evaluate(FAULTS) == []
     page.keyboard.press("Control+k")
     page.wait_for_timeout(400)
     assert (
@@ -102,20 +38,18 @@ def test_nothing_of_visers_own_is_in_reach(browser, demo, stays, size):
     close(page)
 
 
-@pytest.mark.parametrize("size", [(1600, 900), (390, 844)])
-def test_when_a_visitor_has_gone_the_page_is_loaded_anew_and_nothing_of_theirs_is_left(browser, demo, stays, size):
-    page = open_demo(browser, demo, *size)
-    page.get_by_test_id("invitation").wait_for()
-    touch(page)
-    page.get_by_test_id("yours").wait_for()
-    page.evaluate("() => { window.left = 'by a visitor'; localStorage.setItem('left', 'x'); }")
-    page.keyboard.type("?")
-    page.get_by_text("Show me around").wait_for()
-    stays()
-    page.wait_for_function("() => window.left === undefined")
-    page.get_by_test_id("invitation").wait_for()
-    assert page.get_by_text("Show me around").count() == 0
-    assert page.locator(".etv-image .et-cross").count() == 0
+def test_no_key_leads_out_of_the_demo(browser, demo, stays):
+    page = open_demo(browser, demo, 1280, 720)
+    for key in "12345fiou":
+        page.keyboard.press(key)
+    page.get_by_test_id("yours").wait_for()  # a key is a touch
+    page.keyboard.press("End")  # what was sent before it has been heard, too
+    track = "document.querySelector('.etv-track')"
+    page.wait_for_function(f"() => {track}.ariaValueNow > 0.9 * {track}.ariaValueMax")
+    assert page.locator("[data-etv-workspace=demo]").count() == 1
+    assert page.locator("[data-etv-public=none]").count() == 1
+    assert page.locator("[data-large=cloud]").count() == 1
+    assert page.evaluate(REACHED, OURS) == []
     close(page)
 
 
@@ -190,21 +124,6 @@ def test_a_touch_before_the_page_has_started_takes_the_show_over(browser, demo, 
     close(page)
 
 
-def test_a_lost_connection_is_waited_for_with_a_sentence(browser, stays):
-    viewer = serve()
-    port = viewer.port
-    page = open_demo(browser, viewer, 1280, 720)
-    viewer.stop()
-    page.get_by_test_id("lost").get_by_text("The show goes on in a moment").wait_for()
-    again = serve(port=port)
-    try:
-        page.get_by_test_id("lost").wait_for(state="detached")
-        page.locator(".etv-image img").wait_for()
-        page.context.close()
-    finally:
-        again.stop()
-
-
 def test_a_visitor_sees_their_own_camera_as_a_sensor_does(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
     press(page, "Your own face")
@@ -213,16 +132,83 @@ def test_a_visitor_sees_their_own_camera_as_a_sensor_does(browser, demo, stays):
     page.get_by_test_id("mirror").wait_for()
     page.get_by_test_id("delay").wait_for()
     assert "simulated event sensor" in page.get_by_test_id("yours").inner_text()
+    (mirror,) = demo.mirrors._running
+    before = mirror._pixels._wanted[0]
     page.locator("[data-etv-mirror=contrast]").fill("0.9")
+    until(lambda: mirror._pixels._wanted[0] < before / 1.5)  # a smaller change makes an event
     assert page.evaluate(REACHED, OURS) == []
     shown = "() => document.querySelector('.etv-image img')?.alt"
     first = page.evaluate(shown)
     page.wait_for_function(f"(first) => ({shown})() !== first", arg=first)
+    touch(page)
+    page.get_by_test_id("map").locator(".etv-traveller").wait_for(state="attached")  # where it looks, in the mirror too
+    first = page.evaluate(shown)
+    page.wait_for_function(f"(first) => ({shown})() !== first", arg=first)  # and the world goes on meanwhile
     press(page, "Stop the camera")
-    page.get_by_test_id("mirror").wait_for(state="detached")
+    page.get_by_test_id("mirror").wait_for(state="hidden")
     page.locator(".etv-image img").wait_for()
     assert page.locator("video").count() == 0
     close(page)
+
+
+def until(condition, patience=60.0):
+    ends = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.05)
+
+
+def opens_as_a_page(page, address):
+    """What was taken home is a page that opens."""
+    taken = page.context.new_page()
+    taken.set_default_timeout(PATIENCE)
+    troubles = []
+    taken.on("pageerror", lambda error: troubles.append(str(error)))
+    taken.goto(address)
+    taken.locator("html[data-shown]").wait_for()
+    assert troubles == []
+    return taken
+
+
+def test_three_seconds_of_the_mirror_are_taken_home_though_the_camera_ends(browser, demo, stays):
+    page = open_demo(browser, demo, 1280, 720)
+    press(page, "Your own face")
+    page.get_by_text("Only what you take home is kept").wait_for()
+    press(page, "Use my camera")
+    page.get_by_test_id("delay").wait_for()
+    page.wait_for_timeout(3000)
+    slider = page.locator("[data-etv-mirror=contrast]")
+    slider.fill("0.9")
+    press(page, "Take it home")
+    page.get_by_test_id("sheet-home").wait_for()
+    assert slider.input_value() == "0.9"
+    page.evaluate("() => document.querySelector('[data-etv-camera-stop]').click()")  # it ends by itself, too
+    page.get_by_test_id("mirror").wait_for(state="hidden")
+    link = page.get_by_test_id("home-link")
+    link.wait_for(timeout=2 * PATIENCE)
+    taken = opens_as_a_page(page, f"{demo.url}{link.get_attribute('href')}")
+    assert "your own face" in taken.title()
+    until(lambda: demo.catalogue._private == {})  # the mirror is forgotten once its page is there
+    close(page)
+
+
+def test_without_a_camera_a_video_is_picked_and_how_far_it_is_is_said(browser, stays, tmp_path):
+    film = write_film(tmp_path / "own.mp4", drifting(90, 2.0, (320, 240)))
+    viewer = serve(uploads=4)
+    try:
+        page = open_demo(browser, viewer, 390, 844)
+        press(page, "Your own face")
+        with page.expect_file_chooser() as chooser:
+            press(page, "Your own video")
+        chooser.value.set_files(film)
+        page.get_by_text("The video becomes dots").first.wait_for()
+        page.locator(".etv-image img").wait_for()
+        page.get_by_test_id("film").wait_for(state="detached")
+        shown = "() => document.querySelector('.etv-image img')?.alt"
+        page.wait_for_function(f"(first) => ({shown})() !== first", arg=page.evaluate(shown))
+        close(page)
+    finally:
+        viewer.stop()
 
 
 def test_three_seconds_are_taken_home_as_a_page(browser, demo, stays):
@@ -234,12 +220,7 @@ def test_three_seconds_are_taken_home_as_a_page(browser, demo, stays):
     with urllib.request.urlopen(address, timeout=10) as answer:
         assert answer.headers["Content-Security-Policy"].startswith("sandbox")
         assert b"page-facts" in answer.read()
-    taken = page.context.new_page()
-    troubles = []
-    taken.on("pageerror", lambda error: troubles.append(str(error)))
-    taken.goto(address)
-    taken.locator("html[data-shown]").wait_for()
-    assert troubles == []
+    opens_as_a_page(page, address)
     close(page)
 
 
@@ -307,20 +288,4 @@ def test_a_group_guesses_before_it_sees_the_image(browser, demo, stays):
     press(page, "Show the image")
     page.locator(".etv-unveiled").first.wait_for()
     page.wait_for_function(f"(stood) => ({turned})(stood) < 0.01", arg=stood)
-    close(page)
-
-
-def test_on_a_phone_the_help_speaks_of_touch_and_the_tour_points_at_what_is_there(browser, demo, stays):
-    page = open_demo(browser, demo, 390, 844)
-    page.get_by_role("button", name="Help").tap()
-    page.get_by_text("Show me around").tap()
-    tour = page.get_by_test_id("tour")
-    tour.get_by_text("1 of").wait_for()
-    number = int(tour.locator("h3").inner_text().split()[2])
-    assert number >= 2
-    for step in range(1, number + 1):
-        tour.get_by_text(f"{step} of {number}").wait_for()
-        assert page.locator(".etv-tour-frame").is_visible()
-        tour.locator("[data-go=next]").click()
-    tour.wait_for(state="detached")
     close(page)

@@ -7,6 +7,7 @@ from app.html.attention.changed import change_words, since_words
 from app.html.elements import ON_PICK, escape, icon, icon_button, segmented
 from app.html.provenance import all_facts_html, provenance_html
 from app.state.view_state import Workspace
+from app.views.demo.state import DemoState
 from app.views.events.state import EventsState
 from app.views.inspect.state import NO_CHANGE, InspectState
 from app.views.page import Page
@@ -47,12 +48,9 @@ def bar_html(page: Page) -> str:
     """What stands above every page; it also carries the marks by which style sheet and script know the page."""
     state = page.state
     mark = f'<i data-etv-workspace="{state.workspace}" data-etv-moment="{page.link}"></i>'
-    home = ""
     if state.is_public:
-        if state.workspace != "demo":
-            home = f'<button class="etv-home-button" data-k="workspace:demo" {ON_PICK}>Back to the demo</button>'
-        tools = icon_button("help", "help", "Shortcuts and glossary (?)")
-        return f'<header class="etv-bar">{mark}{_BRAND}{home}<span class="etv-right">{tools}</span></header>'
+        act = state.of(DemoState).act
+        return f'<header class="etv-bar">{mark}<i data-etv-public="{act}"></i></header>'
     keys = {f"workspace:{name}": words for name, words in WORKSPACES.items()}
     switch = segmented("Workspace", keys, f"workspace:{state.workspace}")
     facts = f'<span class="et-note">{escape(page.trouble)}</span>' if page.trouble else ""
@@ -62,7 +60,7 @@ def bar_html(page: Page) -> str:
         facts = provenance_html(*known)
         info = f'<button class="etv-icon" title="All of it" aria-label="Facts of this frame">{icon("info")}</button>'
         more = f'<span class="etv-all" data-testid="all-facts">{info}<dl>{all_facts_html(*known)}</dl></span>'
-    changed = "" if state.is_public else change_chip(page)
+    changed = change_chip(page)
     if page.presenting:
         changed += f'<span class="et-chip et-exact" data-testid="presenting">{escape(page.presenting)}</span>'
     if page.refused:

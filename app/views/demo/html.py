@@ -62,10 +62,9 @@ def lead_html(page: Page) -> str:
     state = page.state.of(DemoState)
     steps = "".join(f"<i{' class=etv-on' if act == state.act else ''}></i>" for act in ACTS)
     leads = f'<span class="etv-steps" aria-hidden="true">{steps}</span>' if state.act != "none" else ""
-    mark = f'<i data-etv-public="{state.act}" hidden></i>' if page.state.is_public else ""
     who = "invitation" if state.act != "none" else "yours"
     return (
-        f'<section class="etv-demo-bar etv-lead">{mark}<h1 data-testid="{who}">{escape(saying(page))}</h1>'
+        f'<section class="etv-demo-bar etv-lead"><h1 data-testid="{who}">{escape(saying(page))}</h1>'
         f'{leads}<span class="etv-small">{_small(page)}</span></section>'
     )
 
@@ -102,12 +101,13 @@ def pictures_html(page: Page) -> str:
     """The image, the camera's, and the map where that is the large one."""
     moment, state = page.moment, page.state.of(DemoState)
     if moment is None:
-        said = empty("One moment", page.trouble or "The next scene is being opened.")
+        said = empty("One moment", film_words(page) or page.trouble or "The next scene is being opened.")
         return f'<section class="etv-demo etv-three" data-testid="demo"><div class="etv-wait">{said}</div></section>'
     veil = {"asked": " etv-veiled", "shown": " etv-unveiled"}.get(state.guess, "")
     pointed = ' data-testid="pointed"' if state.act == "image" else ""
     chosen = " etv-pointed" if state.act == "image" else ""
-    image = _figure(f"etv-image{chosen}{veil}", _IMAGE, image_html(page), pointed, delay_html(page))
+    tools = delay_html(page) or film_html(page)
+    image = _figure(f"etv-image{chosen}{veil}", _IMAGE, image_html(page), pointed, tools)
     camera = _figure(f"etv-camera{veil}", "What an ordinary camera saw", camera_html(page, moment))
     large = ""
     if state.large == "map":
@@ -118,6 +118,20 @@ def pictures_html(page: Page) -> str:
         f'<section class="etv-demo etv-three{public}" data-testid="demo" data-act="{state.act}"'
         f' data-large="{state.large}">{large}{image}{camera}</section>'
     )
+
+
+def film_words(page: Page) -> str:
+    """How far a video has become dots; empty for what is no video, and once it is whole."""
+    film = page.video
+    if film is None or film.is_over:
+        return ""
+    return f"The video becomes dots: {film.done:.1f} of {film.total:.1f} s"
+
+
+def film_html(page: Page) -> str:
+    """The same, beside the image."""
+    words = film_words(page)
+    return f'<span class="etv-delay" data-testid="film">{words}</span>' if words else ""
 
 
 def _figure(classes: str, title: str, content: str, marks: str = "", tools: str = "") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import viser
 
 from app.views.demo.html import foot_html, lead_html, pictures_html
-from app.views.demo.sheets import sheet_html
+from app.views.demo.sheets import mirror_html, sheet_html
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
 
@@ -18,6 +18,7 @@ class DemoPanel(Panel):
         self._lead = Html(gui)
         self._pictures = Html(gui)
         self._foot = Html(gui)
+        self._mirror = Html(gui)
         self._sheet = Html(gui)
 
     def show(self, page: Page) -> None:
@@ -25,4 +26,5 @@ class DemoPanel(Panel):
         self._lead.show(lead_html(page))
         self._pictures.show(pictures_html(page))
         self._foot.show(foot_html(page))
+        self._mirror.show(mirror_html(page))
         self._sheet.show(sheet_html(page))

@@ -12,17 +12,16 @@ CONSENT = (
     "Your camera’s pictures go to this viewer, become dots, and are gone when you stop. Nothing is stored, and nobody "
     "else sees them. It is a simulated sensor: a real one would be a thousand times faster."
 )
+KEPT = "Only what you take home is kept, for half an hour, at an address that nobody else knows."
 
 
 def sheet_html(page: Page) -> str:
-    """What lies over the page; the mirror’s sliders while it runs; nothing otherwise."""
+    """What lies over the page; nothing otherwise."""
     state, mirror = page.state.of(DemoState), page.mirror
-    if mirror is not None and mirror.is_live:
-        return _live(mirror)
-    if state.sheet == "mirror" and mirror is not None:
-        return _sheet("Your own face", _consent(page, mirror), "mirror")
     if state.sheet == "home":
         return _sheet("Take it home", _home(page), "home")
+    if state.sheet == "mirror" and mirror is not None and not mirror.is_live:
+        return _sheet("Your own face", _consent(page, mirror), "mirror")
     return '<section class="etv-demo etv-sheet" hidden></section>'
 
 
@@ -38,21 +37,31 @@ def _consent(page: Page, mirror: MirrorShown) -> str:
     said = escape(mirror.trouble)
     start = f'<button class="etv-big etv-first" data-etv-camera="{escape(mirror.ticket)}">Use my camera</button>'
     own = "" if page.uploads is None else public_handing_html(page.uploads)
-    return (
-        f"<p>{CONSENT}</p>"
-        f'<p class="etv-said" role="alert" data-etv-camera-said{"" if said else " hidden"}>{said}</p>{start}{own}'
+    films = "".join(
+        f'<button class="etv-big" data-k="open:{escape(choice.id)}" {ON_PICK}>{escape(choice.title)}, as dots</button>'
+        for choice in page.recordings
+        if choice.is_film
     )
+    words = f"{CONSENT} {KEPT}" if page.gives_home else CONSENT
+    hidden = "" if said else " hidden"
+    return f'<p>{words}</p><p class="etv-said" role="alert" data-etv-camera-said{hidden}>{said}</p>{start}{films}{own}'
 
 
-def _live(mirror: MirrorShown) -> str:
-    """The sliders speak to the camera's own connection, and this element must stay while they are dragged."""
+def mirror_html(page: Page) -> str:
+    """Sliders and buttons at the foot while the mirror runs; nothing otherwise.
+
+    The sliders speak to the camera's own connection, and this element must stay while they are dragged.
+    """
+    if page.mirror is None or not page.mirror.is_live:
+        return '<section class="etv-demo etv-mirror" data-testid="mirror" hidden></section>'
+    home = f'<button class="etv-big" data-k="demo:home" {ON_PICK}>Take it home</button>' if page.gives_home else ""
     return (
         '<section class="etv-demo etv-mirror" data-testid="mirror">'
         '<label>Few dots<input type="range" min="0" max="1" step="0.02" value="0.6" data-etv-mirror="contrast"'
         ' aria-label="Sensitivity: how small a change makes a dot"><span>many</span></label>'
         '<label>Clean<input type="range" min="0" max="3" step="0.1" value="0.2" data-etv-mirror="noise"'
         ' aria-label="Noise of the sensor"><span>noisy</span></label>'
-        '<button class="etv-big" data-etv-camera-stop>Stop the camera</button></section>'
+        f'{home}<button class="etv-big" data-etv-camera-stop>Stop the camera</button></section>'
     )
 
 
@@ -76,8 +85,8 @@ def _home(page: Page) -> str:
             ' data-testid="home-link">Download the page</a>'
         )
         return f"<p>Three seconds of this, as one page that works anywhere. The link ends soon.</p>{code}{link}"
+    if state.trouble:
+        return f'<p class="etv-said" role="alert">{escape(state.trouble)}</p>'
     result = page.results.get(HOME_SLOT)
-    if result is not None and result.trouble:
-        return f'<p class="etv-said" role="alert">{escape(result.trouble)}</p>'
     share = 0.0 if result is None else result.share
     return f'<p>Your page is being made: {share:.0%}</p><div class="et-bar"><i style="width:{share:.0%}"></i></div>'

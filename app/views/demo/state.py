@@ -67,6 +67,20 @@ class HomeReady:
 
 
 @dataclass(frozen=True, slots=True)
+class HomeFailed:
+    """The page to take home cannot be made; `why` in plain words."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorEnded:
+    """The visitor's camera is off; `is_told`: there is something to say about it."""
+
+    is_told: bool
+
+
+@dataclass(frozen=True, slots=True)
 class DemoState:
     """The act that is played, and what a visitor opened."""
 
@@ -79,6 +93,8 @@ class DemoState:
     """The page to take home that is being made."""
     home: str = passing("")
     """The path of the one that is made; empty before."""
+    trouble: str = passing("")
+    """Why there will be none."""
 
 
 def reduce_demo(slice_: DemoState, intent: Any, here: Here) -> DemoState:
@@ -91,34 +107,42 @@ def reduce_demo(slice_: DemoState, intent: Any, here: Here) -> DemoState:
         case ShowLarge(large):
             return replace(slice_, large=large)
         case OpenSheet(sheet):
-            return replace(slice_, sheet=sheet)
+            return replace(_without_home(slice_), sheet=sheet)
+        case MirrorEnded(is_told):
+            return slice_ if slice_.sheet == "home" else replace(slice_, sheet="mirror" if is_told else "")
         case GuessFirst(guess):
             return replace(slice_, guess=guess, large="cloud", sheet="")
         case ask.OpenRecording():
-            return replace(slice_, large="cloud", sheet="", order=None, home="")
+            # A page that was ordered outlives what it was made of: the mirror ends by itself.
+            kept = slice_ if slice_.sheet == "home" else replace(_without_home(slice_), sheet="")
+            return replace(kept, large="cloud")
         case TakeHome():
-            return replace(slice_, sheet="home", home="", order=home_order(here))
+            order = home_order(here)
+            trouble = "" if order is not None else "Nothing is shown yet; try again in a moment."
+            return replace(slice_, sheet="home", home="", trouble=trouble, order=order)
         case HomeReady(path):
             return replace(slice_, home=path, order=None)
+        case HomeFailed(why):
+            return replace(slice_, trouble=why, order=None)
         case Downloaded(slot) if slot == HOME_SLOT:
             return replace(slice_, order=None)
     return slice_
 
 
+def _without_home(slice_: DemoState) -> DemoState:
+    return replace(slice_, order=None, home="", trouble="")
+
+
 def home_order(here: Here) -> Order | None:
-    """The windows around the current one that make `HOME_SECONDS`; `None` before any is known."""
-    state, windows = here.state, here.limits.windows
-    if state.policy is None or not windows:
+    """The windows around the current one that make `HOME_SECONDS`, the last ones near the end of what there is; `None`
+    before any is known."""
+    state, windows, now = here.state, here.limits.windows, here.window
+    if state.policy is None or not windows or now is None:
         return None
-    first = here.limits.index_at(_middle(here) - round(HOME_SECONDS / 2 * 1e6))
-    last = here.limits.index_at(windows[first].t_stop + round(HOME_SECONDS * 1e6))
+    seconds, end = round(HOME_SECONDS * 1e6), windows[len(windows) - 1].t_stop
+    first = here.limits.index_at(min(now.t_stop - seconds // 2, end - seconds))
+    last = here.limits.index_at(windows[first].t_stop + seconds)
     return order_of(state, StartExport("page", first, last))
-
-
-def _middle(here: Here) -> int:
-    window = here.window
-    assert window is not None
-    return window.t_stop
 
 
 def opens_cloud(state: ViewState) -> bool:

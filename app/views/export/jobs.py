@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 from jaxtyping import UInt8
@@ -52,6 +52,7 @@ ENDINGS: dict[ExportFormat, str] = {
 class ExportJob:
     """The job that makes one file. Its answer is `None` until it is a `Download`."""
 
+    is_ordered: ClassVar[bool] = True
     order: Order
 
     @property

@@ -39,7 +39,8 @@ class ScenePanel(Panel):
         """Draw the scene, then what its colours mean; the next picture of a drag will do where this one is left out."""
         if not page.draws_scene:
             return
-        cloud = self._scene.show(page)
+        is_covered = page.state.workspace == "demo" and not opens_cloud(page.state)
+        cloud = None if is_covered else self._scene.show(page)  # the map stands in its place
         chosen = page.state.of(SceneState).camera
         tools = "".join(
             icon_button(f"scene:camera:{name}", icon, words, is_on=name == chosen) for name, icon, words in _CAMERAS

@@ -99,6 +99,35 @@ def test_when_it_ends_it_is_told_and_forgotten(shelf):
         mirror.show(face(0))
 
 
+def until(condition, patience=3.0):
+    ends = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+
+
+def test_while_a_page_is_made_of_it_it_is_not_forgotten(mirror, shelf):
+    begun(mirror, shelf)
+    mirror.ordered = held = mirror.recording_id
+    mirror.end()
+    time.sleep(10 * mirrors.FORGETS)
+    assert shelf.gone == []
+    mirror.ordered = ""
+    until(lambda: shelf.gone == [held])
+
+
+@pytest.mark.parametrize("ends", ["in time", "with its visitor"])
+def test_but_not_for_ever(mirror, shelf, monkeypatch, ends):
+    if ends == "in time":
+        monkeypatch.setattr(mirrors, "MADE_WITHIN", 0.2)
+    begun(mirror, shelf)
+    mirror.ordered = held = mirror.recording_id
+    mirror.end()
+    if ends == "with its visitor":
+        mirror.close()
+    until(lambda: shelf.gone == [held])
+
+
 def test_only_so_many_run_at_once_and_one_that_ends_makes_room(shelf):
     made = Mirrors(shelf.stream, shelf.take_in, shelf.let_go)
     running = [made.mirror() for _ in range(mirrors.AT_ONCE)]

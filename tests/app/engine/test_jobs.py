@@ -1,13 +1,14 @@
 import gc
 import threading
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from app.engine.engine import Engine
 from app.engine.jobs import JobResult, num_bytes
-from app.engine.requests import FrameRequest
+from app.engine.requests import FrameRequest, Ready
 from app.session.jobs import JobNews, VisitorJobs
 from app.state.view_state import ViewState
 from etnet.errors import ModelError
@@ -33,6 +34,13 @@ class Counting:
             loaded.playback.model.encode(next(loaded.playback.model.parameters()).new_zeros(1, 5, 16, 24))
             LOG.append((self.name, done))
             yield done, done / self.length
+
+
+@dataclass(frozen=True, slots=True)
+class Ordered(Counting):
+    """The same, as a file that somebody ordered."""
+
+    is_ordered: ClassVar[bool] = True
 
 
 @pytest.fixture
@@ -77,6 +85,36 @@ def test_a_request_is_served_between_two_stretches(engine, shelf):
     gate.release(3)  # one stretch, the request's encode, one stretch more
     inbox.ready(1)
     assert len(LOG) <= 2
+
+
+def test_a_file_that_was_ordered_gets_its_turns_though_somebody_always_waits(engine):
+    notes, inspector, ends = Notes(), Notes(), threading.Event()
+
+    def again(reply):
+        if isinstance(reply, Ready) and not ends.is_set():
+            engine.request("ada", request((reply.request.index + 1) % 40), again)  # asked while the engine hands over
+
+    engine._recent.find = lambda wanted: None  # each frame is computed, or taken from the playback, on its thread
+    engine.request("ada", request(0), again)
+    engine.job("bob", "inspector", Counting(request(0), 5, "inspector"), inspector)
+    engine.job("cyd", "file", Ordered(request(0), 5, "file"), notes)
+    try:
+        assert notes.whole().value == 5
+        assert inspector.replies == [], "nobody but who ordered a file holds others up"
+    finally:
+        ends.set()
+    inspector.whole()
+
+
+def test_of_what_was_forgotten_meanwhile_no_answer_is_kept(engine, shelf):
+    notes = Notes()
+    gate = hold(shelf.model_instance)
+    engine.job("ada", "slot", Counting(request(0), 2), notes)
+    shelf.model_instance.entered.acquire(timeout=10)
+    engine.forget("r")
+    gate.release(10)
+    assert notes.whole().value == 2
+    assert engine._jobs._kept.nbytes == 0
 
 
 def test_a_newer_question_replaces_the_slots_former_one(engine, shelf):

@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.catalogue.homes import Homes
 from app.config import ConfigError, ViewerConfig
+from app.engine.downloads import Download, Downloaded
+from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
 from app.session import demo
+from app.session.booth import Booth
 from app.session.demo import (
     BURST,
     IDLE,
@@ -19,16 +23,20 @@ from app.session.demo import (
     Throttle,
     intents_of,
     may_ask,
+    public_moment,
     public_view,
     steps_of,
 )
+from app.session.jobs import JobNews
+from app.session.layout import PUBLIC_COMMANDS
 from app.state import intents as ask
 from app.state.link import to_link
 from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
-from app.views.demo.state import PointAt
+from app.views.demo.state import HOME_SLOT, DemoState, HomeReady, PointAt
 from app.views.export.state import StartExport
 from app.views.inspect.state import Switch
+from etnet.events.cleaning import Cleaning
 from etnet.events.events import Sensor
 from etnet.windows import BetweenFrames, ByCount, ByDuration, Window
 from tests.app.reducing import from_link, reduce
@@ -104,10 +112,20 @@ def test_in_public_a_visitor_may_ask_of_public_views_and_of_the_page_what_costs_
     refused = (
         ask.ChooseModel("m"), ask.ChoosePrecision("bf16"), ask.ChoosePolicy(policy), ask.ReopenRecording("a~1"),
         StartExport("mp4"), Switch("tpa"), ask.Set("compare", "replays", True), ask.Set("nothing", "x", 1),
+        ask.ChooseCleaning(Cleaning(hot_pixels=True)), ask.OpenRecording("a!bin2"), ask.ShowWorkspace("inspect"),
+        ask.OpenTab("export"), ask.StageCard("scene"),
     )  # fmt: skip
     allowed = (ask.Seek(3), ask.TogglePlay(), ask.Query(1, 2), ask.OpenRecording("b"), ask.Set("attention", "head", 1))
     assert not any(may_ask(intent, VIEWS) for intent in refused)
     assert all(may_ask(intent, VIEWS) for intent in allowed)
+
+
+def test_in_public_a_link_opens_its_recording_its_moment_and_its_pixel_and_nothing_else():
+    public = public_view(ViewState(recording_id="a", model_id="m"))
+    linked = ViewState(recording_id="b!bin2", model_id="n", precision="bf16", policy=ByDuration(1), query=(3, 4))
+    linked = replace(linked, workspace="inspect", tab="export", cleaning=Cleaning(hot_pixels=True), moment=70_000)
+    shown = public_moment(linked, public)
+    assert shown == replace(public, recording_id="b", moment=70_000, query=(3, 4)).put(DemoState(large="map"))
 
 
 def test_a_demo_offers_no_folder(tmp_path):
@@ -220,6 +238,54 @@ def test_one_visitor_too_many_is_told_and_gets_no_session():
         assert len(viewer.sessions) == 1
 
     run(story, view=public_view, most_visitors=1)
+
+
+def test_in_public_no_message_leads_out_of_the_demo():
+    async def story(viewer, browser):
+        await browser.until_shown(INVITED)
+        commands = [message for _, kind, message in browser.arrivals if kind == "RegisterCommandMessage"]
+        assert len(commands) == len(PUBLIC_COMMANDS) + 1
+        for message in commands:
+            await browser._send({"type": "CommandTriggerMessage", "uuid": message["uuid"]})
+        channel = browser.widget("channel")
+        other = ViewState(recording_id="b", model_id="m", workspace="attention", tab="attention", query=(3, 4))
+        for number, words in enumerate(
+            (
+                "pick|workspace:inspect|0|0",
+                "pick|tab:attention|0|0",
+                "pick|stage:scene|0|0",
+                f"link|{to_link(other, 70_000)}",
+            )
+        ):
+            await browser.use(channel, f"{words}|{number}")
+        await browser.until(lambda: newest(viewer).recording_id == "b")
+        await browser.until_shown("Reconstruction of window 6")
+        (state,) = (session._state for session in viewer.sessions.values())
+        assert (state.workspace, state.tab, state.staged) == ("demo", "", "")
+        assert 'data-etv-public="none"' in browser.html()
+
+    run(story, view=public_view)
+
+
+def test_what_the_host_switched_off_is_refused_whatever_a_page_sends():
+    async def story(viewer, browser):
+        await browser.until_shown("Reconstruction of window 0")
+        channel = browser.widget("channel")
+        for number, key in enumerate(("demo:home", "demo:mirror", "demo:spot")):
+            await browser.use(channel, f"pick|{key}|0|0|{number}")
+        await browser.until_shown('data-testid="map"')  # the last of them was answered
+        (state,) = (session._state for session in viewer.sessions.values())
+        assert state.of(DemoState) == DemoState(large="map")
+        assert [job for _, slot, job in viewer.engine.jobs if slot == HOME_SLOT] == []
+        assert 'data-testid="sheet' not in browser.html()
+
+    run(story, view=public_view)
+
+
+def test_a_page_that_was_made_all_the_same_is_handed_to_nobody():
+    made = JobNews(HOME_SLOT, JobResult(None, Download("a.html", b"page"), 1.0, is_whole=True))
+    assert Booth().kept(made) == (Downloaded(HOME_SLOT),)
+    assert [type(news) for news in Booth(homes=Homes()).kept(made)] == [HomeReady, Downloaded]
 
 
 @pytest.mark.parametrize("aspect", [1.6, 0.5])

@@ -56,6 +56,31 @@ def test_every_corner_lies_inside_the_picture_on_any_canvas(camera, sensor, aspe
     assert (np.abs(offsets @ right) / depth <= half * aspect).all()
 
 
+@settings(deadline=None)
+@given(sensor=SENSORS.filter(lambda s: 1 <= s.width / s.height < 2), aspect=st.floats(0.5, 3))
+def test_the_booths_camera_comes_close_and_cuts_off_little(sensor, aspect):
+    space = Space(sensor)
+    place = camera_place(space, "booth", aspect)
+    half = np.tan(place.fov / 2)
+    across, down, depth = seen_from(place, box_corners(space))
+    assert (depth > place.near).all()
+    assert (depth < place.far).all()
+    furthest = max((np.abs(across) / (half * aspect * depth)).max(), (np.abs(down) / (half * depth)).max())
+    assert 0.9 < furthest < 1.2, "1 is the picture's edge"
+    across, down, depth = seen_from(place, np.zeros((1, 3)))
+    assert max(np.abs(across / aspect), np.abs(down)) < 0.7 * half * depth, "the middle of the image is seen"
+
+
+def seen_from(place, points):
+    """How far points lie to the right, down and ahead of a camera."""
+    eye, at = np.array(place.position), np.array(place.look_at)
+    forward = (at - eye) / np.linalg.norm(at - eye)
+    right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
+    right /= np.linalg.norm(right)
+    offsets = points - eye
+    return offsets @ right, offsets @ np.cross(forward, right), offsets @ forward
+
+
 class Images:
     """A scene that only holds images."""
 

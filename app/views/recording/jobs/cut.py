@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 from app.engine.downloads import LARGEST, PATIENCE, Download, plain_name
 from app.engine.file_writer import Writer
@@ -26,6 +27,7 @@ _ADVICE = "mark a shorter stretch, or use `etnet cut`"
 class TrimJob:
     """The job that makes the file. Its answer is `None` until it is a `Download`."""
 
+    is_ordered: ClassVar[bool] = True
     order: TrimOrder
 
     @property

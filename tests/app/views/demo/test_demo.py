@@ -6,18 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.catalogue.videos import FilmSetting, VideoShown
+from app.catalogue.visitor_uploads import UploadsShown
 from app.engine.downloads import Downloaded
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from app.views.demo import VIEW
 from app.views.demo.html import ACTS, SAYINGS, foot_html, lead_html, pictures_html, title_of, track_html
 from app.views.demo.map import APART, pointer_svg, targets
-from app.views.demo.sheets import delay_html, sheet_html
+from app.views.demo.sheets import delay_html, mirror_html, sheet_html
 from app.views.demo.state import (
     HOME_SLOT,
     DemoState,
     GuessFirst,
+    HomeFailed,
     HomeReady,
+    MirrorEnded,
     OpenSheet,
     PointAt,
     ShowLarge,
@@ -128,6 +132,47 @@ def test_three_seconds_around_the_moment_are_taken_home():
     assert VIEW.background_jobs(made, None) == {}
 
 
+@pytest.mark.parametrize("index", [0, 2, 57, 59])
+def test_near_the_ends_they_are_three_seconds_too(index):
+    wanted = of(reduce(replace(PUBLIC, index=index), TakeHome(), OPEN)).order.wanted
+    seconds = (OPEN.windows[wanted.last].t_stop - OPEN.windows[wanted.first].t_stop) / 1e6
+    assert seconds == pytest.approx(3.0, abs=0.11)
+    assert wanted.first <= index <= wanted.last
+
+
+def test_before_anything_is_on_show_nothing_can_be_taken_home_and_that_is_said(moment, ready):
+    state = reduce(PUBLIC, TakeHome(), Limits())
+    assert of(state).order is None
+    assert "try again" in sheet_html(page_of(moment, ready, of(state)))
+
+
+def test_a_page_that_was_ordered_of_the_mirror_outlives_it():
+    mirrored = replace(PUBLIC, recording_id="mirror-1", index=59, is_playing=True)
+    ordered = reduce(mirrored, TakeHome(), OPEN)
+    for is_told in (False, True):
+        after = reduce(reduce(ordered, ask.OpenRecording("a"), OPEN), MirrorEnded(is_told), OPEN)
+        assert of(after).order == of(ordered).order
+        assert of(after).order.recording_id == "mirror-1"
+        made = reduce(after, HomeReady("/home/x"), OPEN)
+        assert (of(made).sheet, of(made).home) == ("home", "/home/x")
+    assert of(reduce(mirrored, MirrorEnded(True), OPEN)).sheet == "mirror"
+    assert of(reduce(mirrored, MirrorEnded(False), OPEN)).sheet == ""
+
+
+def test_what_is_closed_is_not_wanted_any_more():
+    ordered = reduce(replace(PUBLIC, index=30), TakeHome(), OPEN)
+    assert VIEW.background_jobs(reduce(ordered, OpenSheet(""), OPEN), None) == {}
+    made = reduce(ordered, HomeReady("/home/x"), OPEN)
+    assert of(reduce(made, OpenSheet(""), OPEN)) == DemoState()
+
+
+def test_a_page_that_cannot_be_made_is_told_and_nothing_is_made_on(moment, ready):
+    failed = reduce(reduce(PUBLIC, TakeHome(), OPEN), HomeFailed("the <disk> is full"), OPEN)
+    assert VIEW.background_jobs(failed, None) == {}
+    assert "the &lt;disk&gt; is full" in sheet_html(page_of(moment, ready, of(failed)))
+    assert of(reduce(failed, TakeHome(), OPEN)).trouble == ""
+
+
 def test_a_page_to_take_home_is_offered_as_a_link_and_with_a_public_address_as_a_code(moment, ready):
     page = page_of(moment, ready, DemoState(sheet="home", home="/home/abc"))
     html = sheet_html(page)
@@ -149,7 +194,38 @@ def test_the_mirror_says_that_it_is_simulated_and_how_far_it_lags(moment, ready)
     live = page_of(moment, ready, mirror=MirrorShown("t", is_live=True, delay=0.24))
     assert "simulated event sensor" in lead_html(live)
     assert "0.2 s behind you" in delay_html(live)
-    assert sheet_html(live) == sheet_html(replace(live, mirror=MirrorShown("t", is_live=True, delay=1.0)))
+    later = replace(live, mirror=MirrorShown("t", is_live=True, delay=1.0))
+    assert sheet_html(live) == sheet_html(later)
+    assert mirror_html(live) == mirror_html(later)
+
+
+def test_of_the_mirror_a_page_can_be_taken_home_while_its_sliders_stay(moment, ready):
+    live = page_of(moment, ready, mirror=MirrorShown("t", is_live=True))
+    assert 'data-k="demo:home"' in mirror_html(live)
+    assert 'data-k="demo:home"' not in mirror_html(replace(live, gives_home=False))
+    asked = page_of(moment, ready, DemoState(sheet="home"), mirror=MirrorShown("t", is_live=True))
+    assert "Your page is being made" in sheet_html(asked)
+    assert mirror_html(asked) == mirror_html(live), "sliders that are replaced lose their place"
+    assert "hidden" in mirror_html(page_of(moment, ready))
+    assert "half an hour" in sheet_html(page_of(moment, ready, DemoState(sheet="mirror")))
+    assert "half an hour" not in sheet_html(page_of(moment, ready, DemoState(sheet="mirror"), gives_home=False))
+
+
+def test_a_video_that_becomes_dots_says_how_far_it_is(moment, ready):
+    film = VideoShown(FilmSetting(), done=3.2, total=12.0, work=1.0, is_over=False)
+    assert "3.2 of 12.0 s" in pictures_html(page_of(moment, ready, video=film))
+    assert "3.2 of 12.0 s" in pictures_html(page_of(None, None, video=film))
+    assert "of 12.0 s" not in pictures_html(page_of(moment, ready, video=replace(film, is_over=True)))
+
+
+def test_without_a_camera_there_are_videos_to_choose_from(moment, ready):
+    listed = (Choice("a", "prints"), Choice("v", "<clip>.mp4", is_film=True))
+    html = sheet_html(page_of(moment, ready, DemoState(sheet="mirror"), recordings=listed))
+    assert 'data-k="open:v"' in html
+    assert "&lt;clip&gt;.mp4, as dots" in html
+    assert 'data-k="open:a"' not in html
+    handed = page_of(moment, ready, DemoState(sheet="mirror"), uploads=UploadsShown("64 MB", coming=("mine.mp4", 0.4)))
+    assert "mine.mp4, 40%" in sheet_html(handed)
 
 
 def test_the_track_tells_where_the_moment_is(moment):
