@@ -127,6 +127,14 @@ class Page:
     over_timeline: str = ""
     """SVG that open views draw over the timeline."""
 
+    def is_about(self, request: FrameRequest) -> bool:
+        """Whether an answer is about the recording, network, windows and filter that are open, at whichever window."""
+        moment, state = self.moment, self.state
+        if moment is None:
+            return False
+        opened = moment.recording_id, state.model_id, state.precision, moment.policy, moment.cleaning
+        return request.playback[: len(opened)] == opened
+
     @property
     def missed(self) -> int | None:
         """The window whose image the current one lags behind; `None` where each is waited for: it plays one behind."""

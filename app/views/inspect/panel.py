@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import viser
@@ -59,7 +60,8 @@ def _asked(page: Page) -> tuple[object, ...]:
     inside = page.state.of(InspectState)
     found = tuple(result for slot, result in page.results.items() if slot.startswith("inspect."))
     moment = page.state.index if inside.opened == "twin" else page.moment is None
-    return inside, page.state.of(AttentionState), page.state.query, page.state.recording_id, moment, found
+    state = page.state
+    return inside, state.of(AttentionState), state.query, state.recording_id, state.model_id, moment, found
 
 
 def inspector_html(page: Page) -> str:
@@ -67,6 +69,8 @@ def inspector_html(page: Page) -> str:
     inside = page.state.of(InspectState)
     if page.moment is None:
         return panel("inside-empty", empty("No recording", page.trouble or "Choose one in the bar."))
+    # An answer stays until the next one has come; that of a former network would stand under the new one's name.
+    page = replace(page, results={slot: held for slot, held in page.results.items() if page.is_about(held.job.request)})
     lacks = _lacks(page)
     change = inside.change.at(page.state.index)
     note = ""

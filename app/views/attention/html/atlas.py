@@ -121,7 +121,7 @@ def effects_of(shown: Shown) -> dict[str, Float[np.ndarray, " heads"]]:
 def _progress(shown: Shown) -> str:
     atlas = shown.result("atlas")
     if atlas is None:
-        found = shown.page.results.get("attention.atlas")
+        found = shown.found("atlas")
         return f"{escape(found.trouble)} · " if found is not None and found.trouble else "waiting · "
     done, wanted = atlas.progress
     return "" if atlas.is_whole else f'<span data-testid="atlas-progress">{done} of {wanted}</span> · '

@@ -32,7 +32,7 @@ def code_block(shown: Shown) -> str:
 def row_block(shown: Shown) -> str:
     """The large map's row as text, one line a token, to be copied or saved."""
     save = f'<button class="et-button" data-etv-save-text="{escape(file_name(shown))}">Save as CSV</button>'
-    note = "" if shown.slice_.weight == "alpha" else "‖αvW_O‖ as shares."
+    note = "‖αvW_O‖ as shares." if shown.uses_values else ""
     return _block("row", "Row of the map", save, row_text(shown), note)
 
 
@@ -92,7 +92,7 @@ def snippet(shown: Shown) -> str:
         then = described(page.moment, shown.ready, _named(shown, held.request), held.request)
         asked = Asked("map_difference", shown.site, pixel=look.query, head=head, direction=look.direction)
         return python_of(now, asked, then)
-    if slice_.weight == "value" and look.direction == "attends to":
+    if shown.uses_values:
         return python_of(now, Asked("value_weighted", shown.site, shown.token, head=head))
     return python_of(now, Asked("map", shown.site, shown.token, head=head, direction=look.direction))
 

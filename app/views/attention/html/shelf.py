@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from app.engine.jobs import JobResult
@@ -57,7 +59,7 @@ def time_html(page: Page) -> tuple[str, str, str]:
     shown = shown_of(page)
     if shown is None:
         return "", tools, panel("time", missing(page, is_brief=True))
-    result = page.results.get("attention.curve")
+    result = shown.found("curve")
     if result is None or not isinstance(result.value, Curve) or not _answers(shown, result):
         return "", tools, panel("time", waits(result, "one window after the other"))
     curve, note = result.value, _curve_words(shown, slice_)
@@ -66,9 +68,11 @@ def time_html(page: Page) -> tuple[str, str, str]:
 
 
 def _answers(shown: Shown, result: JobResult) -> bool:
-    job, slice_ = result.job, shown.slice_
-    asked = (shown.look.query, slice_.site, slice_.curve, slice_.follows)
-    return (job.pixel, job.site, job.quantity, job.follows) == asked  # pyright: ignore[reportAttributeAccessIssue]
+    job: Any = result.job
+    slice_ = shown.slice_
+    head = slice_.head if slice_.quantity_has_a_head else None
+    asked = (shown.look.query, slice_.site, slice_.curve, head, slice_.follows)
+    return (job.pixel, job.site, job.quantity, job.head, job.follows) == asked
 
 
 def _curve_words(shown: Shown, slice_: AttentionState) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
@@ -60,9 +61,14 @@ class Shown:
         """Heads of a site."""
         return len(self.attention.queries[self.site])
 
+    def found(self, slot: str) -> JobResult | None:
+        """What is known of a job; `None` where it was found of another network, recording or plan of windows."""
+        found = self.page.results.get(f"attention.{slot}")
+        return found if found is not None and found.job.request.playback == self.ready.request.playback else None
+
     def result(self, slot: str, **asked: object) -> Any:
         """What a job has found, if it answers what is asked now; `None` before that."""
-        found = self.page.results.get(f"attention.{slot}")
+        found = self.found(slot)
         if found is None or any(getattr(found.job, name) != value for name, value in asked.items()):
             return None
         request = found.job.request
@@ -75,18 +81,31 @@ class Shown:
         word = self.slice_.feature
         return self.result(slot, site=site_of_word(word, self.slice_.site), word=word)
 
+    @property
+    def uses_values(self) -> bool:
+        """Whether maps are what is handed over, not weights: chosen, of a row, and known by now."""
+        return self._facts_of_values is not None
+
+    @property
+    def _facts_of_values(self) -> SiteFacts | None:
+        if self.slice_.weight != "value" or self.look.direction != "attends to":  # values are mixed along rows alone
+            return None
+        return self.result("site", site=self.slice_.site)
+
+    def weights(self) -> Float[np.ndarray, "heads tokens"]:
+        """The chosen site's weights of each head, in the direction that is looked in."""
+        return rows_of(self.ready, self.attention, self.site, self.look.query, self.look.direction)
+
     def rows(self) -> Float[np.ndarray, "heads tokens"]:
         """The chosen site's map of each head: weights, or what is handed over by them as shares of it."""
-        if self.slice_.weight == "value" and (facts := self.result("site", site=self.slice_.site)) is not None:
-            return self._handed(facts)[0]
-        return rows_of(self.ready, self.attention, self.site, self.look.query, self.look.direction)
+        facts = self._facts_of_values
+        return self.weights() if facts is None else self._handed(facts)[0]
 
     def row(self) -> Float[np.ndarray, " tokens"]:
         """The chosen map. What all heads together hand over is the norm of their sum: they may cancel."""
-        if self.slice_.weight == "value" and self.slice_.head is None:
-            facts = self.result("site", site=self.slice_.site)
-            if facts is not None and self.slice_.gather == "mean":
-                return self._handed(facts)[1]
+        facts = self._facts_of_values
+        if facts is not None and self.look.head is None and self.look.gather == "mean":
+            return self._handed(facts)[1]
         return gathered(self.rows(), self.look.head, self.look.gather)
 
     def _handed(self, facts: SiteFacts) -> tuple[np.ndarray, np.ndarray]:
@@ -105,7 +124,7 @@ def _handed_over(facts: SiteFacts, site: str, token: int) -> tuple[np.ndarray, n
 def lacks_attention(page: Page) -> str:
     """Why the page's network has no maps, in one sentence; empty where it has, or while that is not known."""
     found = page.results.get("attention.network")
-    if found is None or not isinstance(found.value, NetworkParts):
+    if found is None or not page.is_about(found.job.request) or not isinstance(found.value, NetworkParts):
         return ""
     return found.value.lacks.get("attention", "")
 

@@ -42,7 +42,7 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
         return title, "", tools, panel("tokens", missing(page, is_brief=True))
     found = shown.feature("tokens")
     if found is None:
-        rest = waits(page.results.get("attention.tokens"), "one pass of the network")
+        rest = waits(shown.found("tokens"), "one pass of the network")
         return title, "", tools, panel("tokens", rest)
     if slice_.tokens == "similarity":
         whole = f"cosine to this token: {FEATURES[slice_.feature]}"
@@ -50,7 +50,7 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
         return title, note, tools, panel("tokens", _similar(shown, found))
     basis = shown.feature("basis")
     if basis is None:
-        rest = waits(page.results.get("attention.basis"), "fitting colours to the recording, once")
+        rest = waits(shown.found("basis"), "fitting colours to the recording, once")
         return title, "", tools, panel("tokens", rest)
     held = " + ".join(of_whole(share) for share in basis.explained)
     return title, f"PCA, {held} of the variance", tools, panel("tokens", _colours(shown, found, basis))

@@ -68,11 +68,20 @@ def made_by(shown):
         {"gather": "max"},
         {"weight": "value"},
         {"weight": "value", "head": 1},
+        {"weight": "value", "direction": "attended by"},
+        {"weight": "value", "direction": "attended by", "head": 1},
     ],
 )
 def test_the_lines_of_the_map_give_the_map(opened, asked):
     shown = shown_by(opened, AttentionState(site=SITE, **asked))
     assert np.array_equal(made_by(shown), shown.row())
+
+
+def test_who_attends_to_a_token_is_a_column_of_weights_whatever_is_chosen_for_rows(opened):
+    shown = shown_by(opened, AttentionState(site=SITE, weight="value", direction="attended by"))
+    column = shown.attention.columns(SITE, [shown.token])[..., 0]
+    assert np.array_equal(shown.rows(), column.numpy())
+    assert np.array_equal(shown.row(), column.mean(0).numpy())
 
 
 def test_the_lines_of_the_heads_give_their_effects(opened):

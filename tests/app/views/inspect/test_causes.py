@@ -50,7 +50,7 @@ def loaded():
 def page_of(loaded, state, ready=None, **results):
     moment = Moment("r", POLICY, state.index, loaded.playback.recording, loaded.playback.windows)
     found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
-    return Page(state, moment, ready, results=found)
+    return Page(replace(state, recording_id="r", model_id="m"), moment, ready, results=found)
 
 
 # ---- what is found ----

@@ -103,7 +103,7 @@ def test_deeper_memory_is_added_one_depth_after_the_other(loaded):
 
 def page_of(state, moment, ready, **results):
     found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
-    return Page(state, moment, ready, results=found)
+    return Page(replace(state, recording_id="r", model_id="m"), moment, ready, results=found)
 
 
 def test_every_part_has_a_row_and_the_verdict_names_what_decides(loaded):
@@ -297,6 +297,16 @@ def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(
         state = ViewState(index=5).put(InspectState(opened="change", change=change))
         page = page_of(state, moment, None, network=anatomy, outcome=(job, whole(job, loaded)))
         assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
+
+
+def test_what_was_found_of_a_former_network_is_not_shown_as_this_ones(loaded, moment):
+    job = parts.AblatedPartsJob(request_of(5))
+    page = page_of(ViewState(index=5, query=QUERY), moment, None, ablated=(job, whole(job, loaded)))
+    assert Checker(inspector_html(page)).by_testid("moved")
+    for other in (replace(page.state, model_id="other"), replace(page.state, precision="bf16")):
+        waiting = Checker(inspector_html(replace(page, state=other)))
+        assert not waiting.by_testid("moved")
+        assert waiting.by_testid("under-way")
 
 
 def test_norms_are_those_of_the_states(loaded, moment):
