@@ -28,6 +28,8 @@ class Choice:
     subtitle: str = ""
     facts: str = ""
     """What it is, as far as that is known: sensor, duration, format."""
+    source: str = ""
+    """Of a network: what the command line calls it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

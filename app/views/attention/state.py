@@ -37,8 +37,10 @@ Also = Literal["none", "10 back", "10 on", "a", "b", "run 1", "run 2", "run 3"]
 """Where else similarity to the token is looked for: another window, a pin, a run of Compare."""
 Over = Literal["none", "not", "python", "row"]
 """What stands in the large map's place: what maps are not, the lines that give it, its row as text."""
-Lines = Literal["map", "heads", "tokens", "time"]
-"""The card that the lines of Python are about."""
+Lines = Literal[
+    "map", "heads", "tokens", "time", "entropy", "distance", "uniform", "TPA", "site", "sinks", "on sinks", "padding"
+]
+"""What the lines of Python give: what a card shows, or one of the numbers beside it."""
 ONLY_PATTERN = r"(scale[0-3]|(encoder|decoder)\.\d{1,2}\.(self|cross))?"
 Quantity = Literal["entropy", "mass", "effect"]
 

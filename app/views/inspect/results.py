@@ -38,6 +38,8 @@ class AblatedParts:
 
     differences: dict[str, Picture]
     """By "TPA", "skip 0", …, "events now", "state before"."""
+    levels: tuple[int, ...] = ()
+    """Whose state is zeroed as "state before"."""
 
     def at(self, name: str, pixel: tuple[int, int]) -> float:
         """What a part moves a pixel by."""

@@ -20,7 +20,7 @@ _WIDTH, _HEIGHT, _LEFT, _BELOW = 700, 400, 44, 36
 
 def dots_html(shown: Shown, effects: Effects) -> str:
     """A plot with a dot for each head; a click opens it. Before its effect is measured a dot is a small circle."""
-    entropy, distance = _table(shown)
+    entropy, distance = table_of(shown)
     atlas = shown.result("atlas")
     image: Effects = {} if atlas is None else dict(zip(atlas.sites, atlas.on_image.numpy(), strict=True))
     largest = _largest(effects), _largest(image)
@@ -54,7 +54,7 @@ def _dot(
     )
 
 
-def _table(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
+def table_of(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     """Entropy and distance of each site's heads from this token."""
     from etnet.inspection.atlas import head_table
 

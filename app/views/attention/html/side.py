@@ -13,6 +13,7 @@ from app.html.units import of_whole
 from app.views.attention.html.pins import difference_of, pin_words
 from app.views.attention.html.shown import Shown, lacks_attention, shown_of
 from app.views.attention.html.tokens import FEATURES
+from app.views.attention.jobs.site import SiteFacts
 from app.views.attention.state import AttentionState, comparable_runs
 from app.views.compare.state import NAMES
 from app.views.inspect.state import Change, InspectState, is_switched
@@ -66,7 +67,7 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
         if pinned is not None:
             options[f"attention:compare:{slot}"] = slot.upper()
             unpin = icon_button(f"attention:unpin:{slot}", "close", f"Unpin {slot.upper()}")
-            words = f"<b>{slot.upper()}</b> {escape(pin_words(pinned))}"
+            words = f"<b>{slot.upper()}</b> {escape(pin_words(page, pinned))}"
             pins.append(f'<div class="et-pin" data-testid="pinned"><span>{words}</span>{unpin}</div>')
     compare = segmented("Compare with", options, f"attention:compare:{slice_.compare}")
     if not pins:
@@ -187,7 +188,7 @@ def _not_on_the_map(shown: Shown) -> str:
     if facts is None:
         return ""
     key = ("waste", shown.ready.key, shown.site, shown.token)
-    on_sinks, num_sinks, on_padding, even = ARRAYS.get(key, lambda: _waste(shown, facts))
+    on_sinks, num_sinks, on_padding, even = ARRAYS.get(key, lambda: waste_of(shown, facts))
     sinks = "No token is a sink: none is attended to by nearly all queries."
     if num_sinks:
         sinks = (
@@ -198,7 +199,8 @@ def _not_on_the_map(shown: Shown) -> str:
     return f'<h4>Attention sinks and padding</h4><div class="et-note" data-testid="waste">{sinks} {padding}</div>'
 
 
-def _waste(shown: Shown, facts) -> tuple[float, int, float, float]:
+def waste_of(shown: Shown, facts: SiteFacts) -> tuple[float, int, float, float]:
+    """Of the row: the share on sinks (mean of the heads), the number of sinks, the share on padding; and uniform's."""
     from etnet.inspection.mass import mass_on, padding_shares
 
     rows = facts.attention.rows(shown.site, [shown.token])[:, 0]

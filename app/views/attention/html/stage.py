@@ -27,6 +27,7 @@ from app.views.attention.html.code import code_block, row_block
 from app.views.attention.html.pins import Difference, difference_of, pin_words
 from app.views.attention.html.shown import Shown, missing, shown_of
 from app.views.attention.state import Over
+from app.views.naming import title_of
 from app.views.page import Page
 from app.views.reconstruction.state import tones_of
 from etnet.render.attention import times_uniform
@@ -160,8 +161,11 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
     frames = "".join(
         f'<figure><span class="et-picture"><img alt="{words}" src="'
         f'{data_url(tone_map(each.frame.float().cpu().numpy(), tones.tone, tones.is_linear_light), False)}"></span>'
-        f'<figcaption class="et-label"><b>{words}</b> window {each.index} · {escape(each.model)}</figcaption></figure>'
-        for words, each in (("now", found.now), ("then", found.then))
+        f'<figcaption class="et-label"><b>{words}</b> window {each.index} · {escape(model)}</figcaption></figure>'
+        for words, each, model in (
+            ("now", found.now, shown.page.model.title),
+            ("then", found.then, title_of(shown.page, apart.pinned.request.model_id)),
+        )
     )
     shared = float(np.minimum(found.now.map.cpu().numpy(), found.then.map.cpu().numpy()).sum())
     said = f"now and {apart.slot.upper()} share {100 * shared:.0f} % of their weight"
@@ -169,7 +173,7 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
     readout = '<span class="et-chip" data-etv-readout>point at a token</span>'
     return (
         f"{_staged(shown, image, badge + readout)}"
-        f'<div class="et-pair et-frames-below" title="{escape(pin_words(apart.pinned))}">{frames}</div>'
+        f'<div class="et-pair et-frames-below" title="{escape(pin_words(shown.page, apart.pinned))}">{frames}</div>'
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from app.engine.jobs import JobResult
 from app.html.attention.maps import large_map
 from app.html.card import segmented
 from app.html.elements import escape, panel
@@ -59,17 +60,12 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
 def _similar(shown: Shown, found: Tokens) -> str:
     here = _picture(found, found.similarity(shown.look.query), shown.look.query)
     readout = '<span class="et-chip" data-etv-readout>cosine</span>'
-    elsewhere = other_moment(shown.page.state, shown.ready.request)
-    if elsewhere is None:
+    if other_moment(shown.page.state, shown.ready.request) is None:
         return _staged(here, f"{_scale()}{readout}")
-    result = shown.page.results.get("attention.tokens_also")
-    asked = (site_of_word(shown.slice_.feature, shown.slice_.site), shown.slice_.feature)
-    job: Any = None if result is None else result.job
-    if result is None or (job.site, job.word) != asked or job.request.playback != elsewhere.playback:
-        return _pair(_staged(here, f"<span></span>{readout}"), waits(None, "the other window"))
-    if result.value is None or job.request.frame != elsewhere.frame:
+    result = found_elsewhere(shown)
+    if result is None or result.value is None:
         return _pair(_staged(here, f"<span></span>{readout}"), waits(result, "the other window"))
-    there: Tokens = result.value
+    job, there = result.job, result.value
     try:
         values = there.similarity(shown.look.query, of=found)
     except ValueError as error:
@@ -82,6 +78,18 @@ def _similar(shown: Shown, found: Tokens) -> str:
     readout = '<span class="et-chip" data-etv-readout></span>'
     other = _picture(there, values, None)
     return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))
+
+
+def found_elsewhere(shown: Shown) -> JobResult | None:
+    """The chosen feature in the other window, at the pin or in the run that is looked at, as far as it is known."""
+    elsewhere = other_moment(shown.page.state, shown.ready.request)
+    result = shown.page.results.get("attention.tokens_also")
+    if elsewhere is None or result is None:
+        return None
+    job: Any = result.job
+    asked = site_of_word(shown.slice_.feature, shown.slice_.site), shown.slice_.feature
+    is_asked = (job.site, job.word) == asked and job.request.playback == elsewhere.playback
+    return result if is_asked and job.request.frame == elsewhere.frame else None
 
 
 def _scale() -> str:

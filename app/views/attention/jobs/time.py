@@ -17,6 +17,7 @@ from etnet.nets.intervention import ORIGINAL, Intervention
 if TYPE_CHECKING:
     from etnet.inspection.anatomy import Anatomy
     from etnet.inspection.pins import Pin
+    from etnet.nets.runtime import Contract
 
 BLOCK = 12
 """Windows: a curve begins and ends at multiples of it, so that a step along it computes nothing again."""
@@ -122,6 +123,14 @@ class CurveJob:
         return Intervention(masked_heads=frozenset({(self.site, self.head)}))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundPin:
+    """A pin's map, and under which contract it was computed: another network's precision may be another one."""
+
+    pin: Pin
+    contract: Contract
+
+
 @dataclass(frozen=True, slots=True)
 class PinJob:
     """The map of a pin, at the pin's own moment and of its own network."""
@@ -133,7 +142,7 @@ class PinJob:
         """The pin's moment."""
         return self.pinned.request
 
-    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Pin, float]]:
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[FoundPin, float]]:
         """One decode that is observed."""
         from etnet.inspection.anatomy import require
         from etnet.inspection.pins import pin
@@ -144,4 +153,5 @@ class PinJob:
         site, chosen = anatomy.site(held.site), anatomy.head(held.head)
         head = held.gather if chosen is None else chosen
         index = held.request.index
-        yield pin(playback, index, held.query, site, head, held.direction, intervention, cancelled), 1.0
+        found = pin(playback, index, held.query, site, head, held.direction, intervention, cancelled)
+        yield FoundPin(found, loaded.contract), 1.0

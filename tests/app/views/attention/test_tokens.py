@@ -126,7 +126,7 @@ def test_vectors_of_another_length_are_told_not_compared(loaded, page_of):
     slice_ = replace(CHOSEN, also="10 back")
     page = page_of(slice_, [("tokens", job)])
     then = TokensJob(request_of(0), SITE)
-    found = JobResult(then, Tokens(other, 0), 1.0, True)
+    found = JobResult(then, Tokens(other, loaded.contract, 0), 1.0, True)
     text = Checker(tokens_html(replace(page, results={**page.results, "attention.tokens_also": found}))[3]).text
     assert "has" in text
     assert "5" in text

@@ -1,22 +1,18 @@
-"""Where a pixel comes from, since when, what a change does from there on, and each inspector's lines of Python."""
+"""Where a pixel comes from, since when, and what a change does from there on."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
-from app.engine.requests import FrameRequest, Ready
 from app.html.moment import Moment
-from app.html.provenance import ModelFacts
 from app.state.view_state import ViewState
 from app.views import VIEWS
 from app.views.attention.state import AttentionState
 from app.views.inspect.html.causes import search_html, sources_html, spread_html
 from app.views.inspect.html.on_timeline import change_on_timeline
-from app.views.inspect.html.python import SLOTS, asked_of, snippet
 from app.views.inspect.jobs.causes import BACK, DROP, SEEDS, CauseJob, SourcesJob, SpreadJob, TwinJob
 from app.views.inspect.jobs.inspect import inspect_jobs
 from app.views.inspect.jobs.parts import AblatedPartsJob
@@ -35,7 +31,7 @@ from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
 from etnet.playback.playback import Playback
 from tests.app.checked_html import Checker
-from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, opened_in, request_of, whole
+from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
 from tests.inspection.small import SENSOR
 
 INDEX = 4
@@ -146,56 +142,6 @@ def test_a_change_is_marked_on_the_timeline_in_every_workspace(loaded):
     assert change_on_timeline(page_of(loaded, ViewState())) == ""
 
 
-# ---- copy as Python ----
-
-
-@pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    return opened_in(tmp_path_factory.mktemp("moment"))
-
-
-def values_of(opened_, found):
-    """What a result holds of what its lines give."""
-    match opened_:
-        case "none":
-            return next(iter(found.differences.values()))
-        case "matters":
-            return found[0].difference
-        case "change":
-            return found.changed
-        case "events":
-            return found.windows[-1].weights
-        case "sources":
-            return found.parts
-        case "search":
-            return found.trials
-        case "twin":
-            return found.at(QUERY)
-        case "input":
-            top, _, left, _ = found.borders
-            return found.padded[:, top : top + SENSOR.height, left : left + SENSOR.width]
-        case "state":
-            return found.values
-        case "memory":
-            return found.mean_absolute
-        case "rollout":
-            return found.weights
-        case "time":
-            return found.entropy
-    return found.deviation
-
-
-def made_by(opened_, found, array):
-    """The array that lines end with, as the page shows it."""
-    if opened_ == "state":
-        return array[torch.as_tensor(found.order.copy())]
-    if opened_ == "memory":
-        return tuple(float(each) for each in array.abs().mean((1, 2)))
-    if opened_ == "time":
-        return array[:, 0, 0]
-    return array
-
-
 @pytest.mark.parametrize("fusion", ["max", "min"])
 def test_a_rollout_fuses_heads_as_it_was_asked(loaded, fusion):
     state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY)
@@ -215,36 +161,6 @@ def test_a_kymograph_stays_on_the_patch_that_is_followed(loaded):
     assert found.indices == tuple(sorted(path))
     moments = attention_through_time(loaded.playback, path, sorted(path), frozenset({SITE}), head="mean")
     assert np.array_equal(found.entropy, Track.of(moments).entropy[:, 0, 0].numpy())
-
-
-@pytest.mark.parametrize("inspector", SLOTS)
-def test_the_lines_of_every_inspector_give_what_it_shows_to_the_last_digit(opened, inspector):
-    loaded, file, weights = opened
-    change = Change(ZEROED, since=3) if inspector in ("change", "twin") else Change()
-    inside = InspectState(opened=inspector, change=change, tolerance=1, num_back=1, level=2, plane="cell")
-    slices = inside, AttentionState(site=SITE, head=1)
-    state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY).put(*slices)
-    plain = FrameRequest("r", "m", "fp32", POLICY, INDEX)
-    request = replace(plain, intervention=change.intervention, since=change.since)
-    job = inspect_jobs(state, request)[f"inspect.{SLOTS[inspector]}"]
-    found = whole(job, loaded)
-    frame = loaded.playback.at(INDEX).frame[0, 0].numpy()
-    ready = Ready(plain, frame, None, 1.0, True, False, False, loaded.contract, INDEX)
-    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
-    result = JobResult(job, found, 1.0, True)
-    page = Page(
-        state, moment, ready, results={f"inspect.{SLOTS[inspector]}": result}, file_name=file,
-        model=ModelFacts("tiny", source=weights),
-    )  # fmt: skip
-    text = snippet(page, result)
-    assert len(text.splitlines()) <= 10, text
-    names = {}
-    exec(text, names)
-    shown, made = values_of(inspector, found), made_by(inspector, found, names["array"])
-    if isinstance(shown, np.ndarray):
-        assert np.array_equal(np.asarray(made), shown), asked_of(page, result)
-    else:
-        assert made == shown
 
 
 def test_a_networks_parts_and_what_it_lacks_are_one_answer():
