@@ -11,11 +11,10 @@ import viser
 from app.html.assets import page_folder
 from app.html.card import segmented
 from app.session.channel import AskHelp, open_channel
-from app.state import intents as ask
+from app.session.commands import COMMANDS
 from app.state.view_state import ViewState, Workspace
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
-from app.views.scene.state import ChooseCamera
 from app.views.view import View, open_tab, tabs
 
 if TYPE_CHECKING:
@@ -25,27 +24,6 @@ INSPECTOR_WIDTH: dict[Workspace, int] = {
     "inspect": 356, "attention": 356, "compare": 356, "recording": 420, "demo": 356,
 }  # fmt: skip
 """CSS pixels of the right column."""
-COMMANDS: tuple[tuple[str, str | None, Any], ...] = (
-    ("Play or pause", "space", ask.TogglePlay()),
-    ("Play or pause ", "K", ask.TogglePlay()),
-    ("Previous window", "J", ask.Move(-1)),
-    ("Next window", "L", ask.Move(1)),
-    ("Back 10 windows", "pageup", ask.Move(-10)),
-    ("Forward 10 windows", "pagedown", ask.Move(10)),
-    ("First window", "home", ask.Seek(0)),
-    ("Last window", "end", ask.Seek(10**9)),
-    ("Mark A here", "I", ask.MarkHere("a")),
-    ("Mark B here", "O", ask.MarkHere("b")),
-    ("Clear marks", "U", ask.ClearMarks()),
-    ("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
-    ("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
-    ("Workspace: Compare", "3", ask.ShowWorkspace("compare")),
-    ("Workspace: Recording", "4", ask.ShowWorkspace("recording")),
-    ("Workspace: Demo", "5", ask.ShowWorkspace("demo")),
-    ("Camera: perspective", None, ChooseCamera("orbit")),
-    ("Camera: front", "F", ChooseCamera("front")),
-    ("Camera: side", None, ChooseCamera("side")),
-)
 
 
 @dataclass(slots=True)
@@ -188,7 +166,8 @@ def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None]) -> None:
         def speak(intent: Any = intent) -> Callable[[viser.CommandEvent], object]:
             async def heard(event: viser.CommandEvent) -> None:
                 if event.client is not None:
-                    dispatch(intent)
+                    for each in intent if isinstance(intent, tuple) else (intent,):
+                        dispatch(each)
 
             return heard
 

@@ -109,7 +109,7 @@ def _opened(page: Page, moment: Moment) -> str:
         case "memory":
             return _memory(page)
         case "rollout" | "time":
-            return _paths(page)
+            return _paths(page, moment)
     return _causes(page, moment)
 
 
@@ -240,19 +240,22 @@ def _state(page: Page) -> str:
     return shown + strong
 
 
-def _paths(page: Page) -> str:
+def _paths(page: Page, moment: Moment) -> str:
     parts, inside, query = page.results.get("inspect.network"), page.state.of(InspectState), page.state.query
     if (look := look_of(page)) is None or query is None:
         return panel("rolled", choose_pixel("Its attention is then followed through the network."))
     attention = page.state.of(AttentionState)
     if inside.opened == "time":
-        asked = {"pixel": query, "site": attention.site, "head": attention.head, "follows": attention.follows}
+        asked = {"pixel": query, "site": attention.site, "head": attention.head}
+        asked["anchor"] = attention.anchored(page.state.index)
         found = _about(page.results.get("inspect.followed"), **asked)
-        body = _awaited(found, "following it, window by window", page)
+        body = ""
+        if found is None or not found.is_whole or found.trouble:
+            body = _under_way(found, "following it, window by window")
         if found is None or found.value is None or parts is None or parts.value is None:
             return body
         job: Any = found.job
-        return body + followed_html(found.value, job, parts.value.anatomy)
+        return body + followed_html(found.value, job, parts.value.anatomy, moment, look)
     found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100, fusion=inside.fusion)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:
@@ -269,12 +272,17 @@ def _memory(page: Page) -> str:
     return body + remembered_html(found.value, found.job, page.state.query)
 
 
+def _under_way(found: JobResult | None, what: str) -> str:
+    """How far an answer has come, or why there will be none."""
+    if found is not None and found.trouble:
+        return panel("awaited", f'<div class="et-say" data-testid="lacks">{escape(found.trouble)}</div>')
+    return panel("awaited", under_way(0.0 if found is None else found.share, what))
+
+
 def _awaited(found: JobResult | None, what: str, page: Page) -> str:
     """How far an answer has come, which window it is about, or why there will be none."""
-    if found is None:
-        return panel("awaited", under_way(0.0, what))
-    if found.trouble:
-        return panel("awaited", f'<div class="et-say" data-testid="lacks">{escape(found.trouble)}</div>')
+    if found is None or found.trouble:
+        return _under_way(found, what)
     lag = stale_line(_request(found).index, page.state.index)
     waits = "" if found.is_whole else under_way(found.share, what)
     return panel("awaited", lag or waits) if lag or waits else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from app.html.attention.python import described, python_of
@@ -13,11 +14,11 @@ from app.views.attention.html.tokens import found_elsewhere
 from app.views.attention.jobs.site import feature_of_word
 from app.views.attention.state import Lines
 from app.views.naming import cannot_be_named, named
+from app.views.stretch import NEAR
 from etnet.nets.intervention import Intervention
 
 if TYPE_CHECKING:
     from app.engine.requests import FrameRequest
-    from etnet.inspection.asked import Asked
     from etnet.inspection.described import Described
     from etnet.nets.runtime import Contract
 
@@ -109,7 +110,7 @@ def snippet(shown: Shown) -> str:
         case "heads":
             return python_of(original, Asked("atlas", pixel=shown.look.query))
         case "time":
-            return python_of(original, _time(shown))
+            return _of_time(shown)
         case "entropy" | "distance":
             return python_of(now, Asked("table", token=token, quantity=lines))
         case "uniform" | "TPA" | "site":
@@ -163,22 +164,22 @@ def _of_tokens(shown: Shown, now: Described) -> str:
     return python_of(other, asked, now)
 
 
-def _time(shown: Shown) -> Asked:
-    from app.views.attention.jobs.time import NEAR
+def _of_time(shown: Shown) -> str:
+    """The curve over the windows that are there by now; a patch is followed from the window where it was chosen."""
     from etnet.inspection.asked import Asked
 
-    slice_, result = shown.slice_, shown.found("curve")
-    index = shown.ready.request.index
-    indices = (index,) if result is None or result.value is None else result.value.indices
-    x, y = shown.look.query
-    until = indices[-1] if slice_.follows else None
+    request, slice_ = shown.ready.request.plain, shown.slice_
+    found, query = shown.found("curve"), shown.page.state.query
+    indices = (request.index,) if found is None or found.value is None else found.value.indices
+    anchor = slice_.anchored(shown.page.state.index)
+    stretch, until = (indices[0], indices[-1]), None if anchor is None else indices[-1]
+    moment = _moment(shown, request if anchor is None else replace(request, index=anchor), shown.ready.contract)
     if slice_.curve == "effect":
-        return Asked(
-            "masked", shown.site, pixel=(x, y), head=shown.look.head, windows=(indices[0], indices[-1]), until=until
+        return python_of(
+            moment, Asked("masked", shown.site, pixel=query, head=shown.look.head, windows=stretch, until=until)
         )
-    quantity = "entropy" if slice_.curve == "entropy" else "mass"
-    near = NEAR if quantity == "mass" else None
-    return Asked(
-        "track", shown.site, pixel=shown.look.query, windows=(indices[0], indices[-1]), quantity=quantity, near=near,
-        until=until,
-    )  # fmt: skip
+    near = NEAR if slice_.curve == "mass" else None
+    asked = Asked(
+        "track", shown.site, pixel=query, windows=stretch, quantity=slice_.curve, near=near, until=until
+    )
+    return python_of(moment, asked)

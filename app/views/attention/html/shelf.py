@@ -9,17 +9,18 @@ import numpy as np
 from app.engine.jobs import JobResult
 from app.html.attention.maps import base_url, head_words, map_facts, map_html
 from app.html.card import segmented
+from app.html.chart import Line, chart
 from app.html.controls import under_way
-from app.html.elements import ON_PICK, escape, panel
-from app.html.units import seconds
+from app.html.elements import escape, panel
+from app.html.units import significant
 from app.views.attention.html.atlas import effect_words, effects_of
 from app.views.attention.html.shown import Shown, missing, shown_of
-from app.views.attention.jobs.time import NEAR, Curve
+from app.views.attention.jobs.time import Curve
 from app.views.attention.state import AttentionState, Quantity
 from app.views.page import Page
+from app.views.stretch import NEAR
 
-QUANTITIES: dict[Quantity, str] = {"entropy": "entropy", "mass": "local", "effect": "effect"}
-_WIDTH, _HEIGHT = 1000, 200
+QUANTITIES: dict[Quantity, str] = {"entropy": "entropy", "mass": "local mass", "effect": "effect"}
 
 
 def heads_html(page: Page) -> tuple[str, str]:
@@ -54,7 +55,7 @@ def time_html(page: Page) -> tuple[str, str, str]:
     quantities = {f"set:attention.curve:{name}": words for name, words in QUANTITIES.items()}
     toggle = f"set:attention.follows:{not slice_.follows}"
     tools = segmented("Quantity", quantities, f"set:attention.curve:{slice_.curve}") + segmented(
-        "Follow the patch along its events", {toggle: "patch"}, toggle if slice_.follows else ""
+        "Follow the patch along its events", {toggle: "follow the patch"}, toggle if slice_.follows else ""
     )
     shown = shown_of(page)
     if shown is None:
@@ -69,10 +70,10 @@ def time_html(page: Page) -> tuple[str, str, str]:
 
 def _answers(shown: Shown, result: JobResult) -> bool:
     job: Any = result.job
-    slice_ = shown.slice_
+    slice_, state = shown.slice_, shown.page.state
     head = slice_.head if slice_.quantity_has_a_head else None
-    asked = (shown.look.query, slice_.site, slice_.curve, head, slice_.follows)
-    return (job.pixel, job.site, job.quantity, job.head, job.follows) == asked
+    asked = (state.query, slice_.site, slice_.curve, head, slice_.anchored(state.index))
+    return (job.pixel, job.site, job.quantity, job.head, job.anchor) == asked
 
 
 def _curve_words(shown: Shown, slice_: AttentionState) -> str:
@@ -91,39 +92,22 @@ def _drawn(shown: Shown, curve: Curve) -> str:
     assert moment is not None
     start = moment.recording.span.start
     times = [(stamp - start) / 1e6 for stamp in curve.stamps]
-    first, last = times[0], max(times[-1], times[0] + 1e-6)
     head = shown.look.head
-    lines = [(values, False) for values in curve.values.T] if curve.values.shape[1] > 1 else []
+    lines: list[Line] = []
+    if curve.values.shape[1] > 1:
+        lines = [
+            Line(values.tolist(), name=f"head {each}", key=f"set:attention.head:{each}")
+            for each, values in enumerate(curve.values.T)
+        ]
     chosen = curve.values[:, head] if head is not None and head < curve.values.shape[1] else curve.values.mean(1)
-    lines.append((chosen, True))
+    lines.append(Line(chosen.tolist(), is_loud=True))
     low, high = min(0.0, float(curve.values.min())), max(float(curve.values.max()), 1e-6)
+    unit = ""
     if shown.slice_.curve == "entropy":
-        low, high = 0.0, float(np.log2(shown.grid.num_tokens))
-
-    def path(values: np.ndarray) -> str:
-        points = zip(times, values.tolist(), strict=True)
-        return " ".join(
-            f"{_WIDTH * (t - first) / (last - first):.1f},{_HEIGHT * (1 - (v - low) / (high - low)):.1f}"
-            for t, v in points
-        )
-
-    drawn = "".join(
-        f'<polyline points="{path(values)}" class="{"et-loud" if is_chosen else ""}"></polyline>'
-        for values, is_chosen in lines
-    )
-    now, unit = "", " bits" if shown.slice_.curve == "entropy" else ""
-    if index in curve.indices:
-        at = 100 * (times[curve.indices.index(index)] - first) / (last - first)
-        now = f'<i class="et-head-line" style="left:{at:.2f}%"></i>'
-        here = float(chosen[curve.indices.index(index)])
-        now += f'<span class="et-chart-high" data-testid="curve-now">now {here:.4g}{unit}</span>'
-    return (
-        f'<div class="et-chart et-pick et-over-time" data-k="span:{first:.6f},{last:.6f}" {ON_PICK}'
-        f' title="Click to go there"><svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none">{drawn}</svg>'
-        f'{now}<span class="et-chart-low">{escape(seconds(first))}</span>'
-        f'<span class="et-chart-low et-chart-end">{escape(seconds(last))}</span>'
-        f'<span class="et-chart-high et-chart-end">{high:.3g}{unit}</span></div>'
-    )
+        low, high, unit = 0.0, float(np.log2(shown.grid.num_tokens)), " bits"
+    place = curve.indices.index(index) if index in curve.indices else None
+    said = "" if place is None else f"now {significant(float(chosen[place]), 4)}{unit}"
+    return chart(times, lines, (low, high), f"{significant(high)}{unit}", index=place, said=said)
 
 
 def waits(result: JobResult | None, what: str) -> str:

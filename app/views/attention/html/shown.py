@@ -20,6 +20,7 @@ from app.html.units import milliseconds
 from app.views.attention.jobs.site import SiteFacts, site_of_word
 from app.views.attention.state import AttentionState, look_of
 from app.views.page import Page
+from app.views.stretch import Path
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -50,6 +51,22 @@ class Shown:
     def token(self) -> int:
         """The token over the chosen pixel."""
         return self.grid.token_at(*self.look.query)
+
+    @property
+    def path(self) -> Path:
+        """Where the followed patch lies in the windows around the current one, as far as that is known."""
+        result, anchor = self.found("path"), self.slice_.anchored(self.page.state.index)
+        job: Any = None if result is None else result.job
+        if result is None or result.value is None or (job.pixel, job.anchor) != (self.page.state.query, anchor):
+            return {}
+        return result.value
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the followed patch is not on the sensor in this window."""
+        result = self.found("path")
+        is_known = result is not None and result.is_whole and bool(self.path)
+        return is_known and self.ready.request.index not in self.path
 
     @property
     def coarsest(self) -> int:
@@ -157,7 +174,11 @@ def shown_of(page: Page) -> Shown | None:
         return None
     if lacks_attention(page):
         return None
-    shown = Shown(page, page.state.of(AttentionState), look, ready, ready.attention)
+    slice_ = page.state.of(AttentionState)
+    shown = Shown(page, slice_, look, ready, ready.attention)
+    place = shown.path.get(ready.request.index)
+    if place is not None:
+        shown = replace(shown, look=replace(look, query=place))
     if look.head is None or look.head < shown.num_heads:
         return shown
-    return replace(shown, look=replace(look, head=None))  # this network has fewer
+    return replace(shown, look=replace(shown.look, head=None))  # this network has fewer

@@ -9,7 +9,7 @@ from app.html.card import icon_button, segmented, select
 from app.html.controls import button, plain_bar
 from app.html.elements import escape, panel
 from app.html.moment import ARRAYS
-from app.html.units import of_whole
+from app.html.units import count, of_whole
 from app.views.attention.html.pins import difference_of, pin_words
 from app.views.attention.html.shown import Shown, lacks_attention, shown_of
 from app.views.attention.html.tokens import FEATURES
@@ -73,7 +73,17 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
     if not pins:
         why = "The pin on the map keeps it with its moment and network"
         compare = f'<span class="et-note" title="{why}">nothing pinned</span>'
-    return f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{token}{_row('Compare with', compare)}{''.join(pins)}"
+    followed = ""
+    if shown is not None:
+        query = shown.look.query
+        anchor = slice_.anchored(page.state.index)
+        if anchor is not None:
+            x, y = page.state.query or query
+            words = f"the patch that lies at {x}, {y} in window {count(anchor)}"
+            if shown.is_lost:
+                words = f"{words} has left the image: this is where it was chosen"
+            followed = f'<div class="et-note" data-testid="followed">Followed: {words}.</div>'
+    return f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{followed}{token}{_row('Compare with', compare)}{''.join(pins)}"
 
 
 def _map(slice_: AttentionState) -> str:

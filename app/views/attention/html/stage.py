@@ -6,7 +6,7 @@ import numpy as np
 
 from app.html.attention.changed import changed_at, site_name
 from app.html.attention.difference import difference_tokens
-from app.html.attention.keep import kept_words
+from app.html.attention.keep import kept, kept_words
 from app.html.attention.maps import (
     Site,
     base_url,
@@ -22,7 +22,7 @@ from app.html.card import icon_button
 from app.html.elements import chip, escape, panel, picture
 from app.html.moment import PICTURES
 from app.html.pictures import lag_line, reconstruction_image
-from app.html.units import count, resolution
+from app.html.units import count, resolution, significant
 from app.views.attention.html.code import code_block, row_block
 from app.views.attention.html.pins import Difference, difference_of, pin_words
 from app.views.attention.html.shown import Shown, missing, shown_of
@@ -72,6 +72,8 @@ def _frame(page: Page) -> str:
 def _tools(shown: Shown) -> str:
     slice_ = shown.slice_
     slot = "a" if slice_.pin_a is None else "b"
+    x, y = shown.look.query
+    where = "" if (x, y) == shown.page.state.query else f":{x},{y}"
 
     def over(word: Over, name: str, title: str) -> str:
         is_on = slice_.over == word
@@ -79,7 +81,7 @@ def _tools(shown: Shown) -> str:
 
     return (
         over("not", "help", "What attention maps are not")
-        + icon_button(f"attention:pin:{slot}", "pin", f"Pin this map with its moment as {slot.upper()}")
+        + icon_button(f"attention:pin:{slot}{where}", "pin", f"Pin this map with its moment as {slot.upper()}")
         + over("row", "table", "The row as text: copy, or save as CSV")
         + over("python", "code", "Copy as Python")
     )
@@ -137,7 +139,7 @@ def _map(shown: Shown) -> str:
     at = divmod(peak, shown.grid.columns)
     right = (
         f'<span class="et-chip" data-etv-readout><span data-testid="peak" data-token="{peak}"'
-        f' data-weight="{row[peak]:.7g}">peak {times_uniform(row)[peak]:.3g} × uniform at {at[1]}, {at[0]}</span>'
+        f' data-weight="{row[peak]:.7g}">peak {significant(times_uniform(row)[peak])} × uniform at token {at[1]}, {at[0]}</span>'
         "</span>"
     )
     badge = f'<span class="et-chip et-exact" data-testid="reads">{escape(left)}</span>'
@@ -147,9 +149,13 @@ def _map(shown: Shown) -> str:
 def _difference(shown: Shown, apart: Difference, base: str) -> str:
     grid, found = shown.grid, apart.found
     ratio = found.log_ratio.cpu().numpy()
+    weights = np.abs(found.difference.cpu().numpy())  # a large ratio of two small weights says little
+    drawn = difference_tokens(ratio, found.limit, grid.rows, grid.columns, shown.look.opacity)
+    if shown.look.keep != "all":
+        drawn[~kept(weights, shown.look.keep).reshape(grid.rows, grid.columns), 3] = 0
     image = large_map(
         grid,
-        difference_tokens(ratio, found.limit, grid.rows, grid.columns, shown.look.opacity),
+        drawn,
         ratio,
         base,
         "now − then",
@@ -169,6 +175,8 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
     )
     shared = float(np.minimum(found.now.map.cpu().numpy(), found.then.map.cpu().numpy()).sum())
     said = f"now and {apart.slot.upper()} share {100 * shared:.0f} % of their weight"
+    if left := kept_words(weights, shown.look.keep):
+        said += f" · {left} of the difference"
     badge = f'<span class="et-chip et-plain" data-testid="a-minus-b">{said}</span>'
     readout = '<span class="et-chip" data-etv-readout>point at a token</span>'
     return (

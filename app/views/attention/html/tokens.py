@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from app.engine.jobs import JobResult
+from app.html.attention.keep import kept
+from app.html.attention.look import Keep
 from app.html.attention.maps import large_map
 from app.html.card import segmented
 from app.html.elements import escape, panel
@@ -16,6 +18,7 @@ from app.views.attention.html.shelf import waits
 from app.views.attention.html.shown import Shown, missing, shown_of
 from app.views.attention.jobs.site import Tokens, site_of_word
 from app.views.attention.state import AttentionState, FeatureWord, other_moment
+from app.views.naming import title_of
 from app.views.page import Page
 from etnet.render.colours import css_gradient, sequential
 
@@ -58,7 +61,8 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
 
 
 def _similar(shown: Shown, found: Tokens) -> str:
-    here = _picture(found, found.similarity(shown.look.query), shown.look.query)
+    keep = shown.look.keep
+    here = _picture(found, found.similarity(shown.look.query), keep, shown.look.query)
     readout = '<span class="et-chip" data-etv-readout>cosine</span>'
     if other_moment(shown.page.state, shown.ready.request) is None:
         return _staged(here, f"{_scale()}{readout}")
@@ -72,11 +76,11 @@ def _similar(shown: Shown, found: Tokens) -> str:
         return _pair(_staged(here, readout), f'<div class="et-say" data-testid="lacks">{escape(str(error))}.</div>')
     words = f"window {count(job.request.index)}"
     if job.request.model_id != shown.ready.request.model_id:
-        words = job.request.model_id
+        words = title_of(shown.page, job.request.model_id)
     now = f'<span class="et-chip">window {count(shown.ready.request.index)}</span>'
     then = f'<span class="et-chip" data-testid="also">{escape(words)} · max {float(values.max()):.2f}</span>'
     readout = '<span class="et-chip" data-etv-readout></span>'
-    other = _picture(there, values, None)
+    other = _picture(there, values, keep, None)
     return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))
 
 
@@ -104,11 +108,17 @@ def _staged(image: str, badges: str) -> str:
     return f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges">{badges}</div></div>'
 
 
-def _picture(found: Tokens, values: Float[np.ndarray, "rows columns"], query: tuple[int, int] | None) -> str:
+def _picture(
+    found: Tokens, values: Float[np.ndarray, "rows columns"], keep: Keep, query: tuple[int, int] | None
+) -> str:
+    """Those tokens that are kept: the most similar ones, or the fewest that hold so much of all similarity above 0."""
     level = np.rint((values.clip(-1, 1) + 1) * 127.5).astype(np.uint8)
+    drawn = _opaque(sequential()[level])
+    if keep != "all":
+        drawn[~kept(values.clip(0).reshape(-1), keep).reshape(values.shape), 3] = 0
     return large_map(
         found.grid,
-        _opaque(sequential()[level]),
+        drawn,
         values.reshape(-1),
         "",
         "cosine similarity",
@@ -121,7 +131,7 @@ def _colours(shown: Shown, found: Tokens, basis: Any) -> str:
     colours = np.rint(basis.colours(found.map) * 255).astype(np.uint8)
     first = basis.coordinates(found.map)[..., 0].reshape(-1)
     query = shown.look.query
-    image = large_map(found.grid, _opaque(colours), first, "", "three components", query=query, unit="on the first")
+    image = large_map(found.grid, _opaque(colours), first, "", "three components", query=query, unit="1st component")
     return f'<div class="et-stage-map" data-etv-focus="1">{image}</div>'
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.html.attention.changed import change_words, since_words
+from app.html.chart import Line, chart
 from app.html.controls import (
     button,
     buttons,
@@ -16,7 +17,7 @@ from app.html.controls import (
     signed_limit,
     signed_picture,
 )
-from app.html.elements import ON_PICK, escape, legend, marker, panel, picture
+from app.html.elements import escape, legend, marker, panel, picture
 from app.html.moment import PICTURES, Moment
 from app.html.tones import Tones
 from app.html.units import count, seconds, short
@@ -162,29 +163,12 @@ def twin_html(
 def _curve(found: TwinFound, image: np.ndarray, here: np.ndarray | None, moment: Moment) -> str:
     start = moment.recording.span.start
     times = [(stamp - start) / 1e6 for stamp in found.stamps]
-    first, last = times[0], max(times[-1], times[0] + 1e-6)
     top = max(float(image.max()), 0.0 if here is None else float(here.max()), 1e-6)
-
-    def line(values: np.ndarray, classes: str) -> str:
-        points = " ".join(
-            f"{1000 * (t - first) / (last - first):.1f},{200 * (1 - float(v) / top):.1f}"
-            for t, v in zip(times, values, strict=True)
-        )
-        return f'<polyline points="{points}" class="{classes}"></polyline>'
-
-    lines = line(image, "") + ("" if here is None else line(here, "et-loud"))
-    now = ""
-    if moment.index in found.indices:
-        at = 100 * (times[found.indices.index(moment.index)] - first) / (last - first)
-        now = f'<i class="et-head-line" style="left:{at:.2f}%"></i>'
+    lines = [Line(image.tolist())] + ([] if here is None else [Line(here.tolist(), is_loud=True)])
+    place = found.indices.index(moment.index) if moment.index in found.indices else None
     words = "mean |difference| of the image" + (", and of this pixel (violet)" if here is not None else "")
-    return (
-        f'<div class="et-chart et-pick et-over-time" data-k="span:{first:.6f},{last:.6f}" {ON_PICK}'
-        f' title="Click to go there" data-testid="twin-curve"><svg viewBox="0 0 1000 200" preserveAspectRatio="none">'
-        f'{lines}</svg>{now}<span class="et-chart-low">{seconds(first)}</span>'
-        f'<span class="et-chart-low et-chart-end">{seconds(last)}</span>'
-        f'<span class="et-chart-high et-chart-end">{short(top)}</span></div><div class="et-note">{words}</div>'
-    )
+    drawn = chart(times, lines, (0.0, top), short(top), index=place, testid="twin-curve")
+    return f'{drawn}<div class="et-note">{words}</div>'
 
 
 def _pair(found: TwinFound, key: object, index: int, tones: Tones) -> str:

@@ -15,6 +15,7 @@ from app.views.inspect.jobs.causes import BACK, DROP, FURTHEST, SEEDS
 from app.views.inspect.state import InspectState
 from app.views.naming import cannot_be_named, named
 from app.views.page import Page
+from app.views.stretch import NEAR
 from etnet.errors import EtnetError
 from etnet.events.edit import EventEdit
 from etnet.nets.intervention import Intervention
@@ -79,6 +80,8 @@ def asked_of(page: Page, found: JobResult) -> dict[str, Question]:
     opened, request = page.state.of(InspectState).opened, found.job.request
     if opened == "none":
         return {name: _part(name, request, found.value.levels) for name in found.value.differences}
+    if opened == "time" and (anchor := getattr(found.job, "anchor", None)) is not None:
+        request = replace(request, index=anchor)  # the patch is followed from there
     made = _MADE[opened](page, found)
     return {name: Question(asked, request) for name, asked in made.items()} | _beside(page)
 
@@ -180,7 +183,6 @@ def _rollout(page: Page, found: JobResult) -> dict[str, Asked]:
 
 
 def _time(page: Page, found: JobResult) -> dict[str, Asked]:
-    from app.views.inspect.jobs.pixel import NEAR
     from etnet.inspection.asked import Asked
 
     job: Any = found.job
@@ -193,7 +195,7 @@ def _time(page: Page, found: JobResult) -> dict[str, Asked]:
     def track(quantity: str, near: int | None = None) -> Asked:
         return Asked(
             "track", site, pixel=job.pixel, windows=stretch, quantity=quantity, near=near,
-            head="mean" if head is None else head, until=stretch[0] if job.follows else None,
+            head="mean" if head is None else head, until=None if job.anchor is None else stretch[1],
         )  # fmt: skip
 
     return {

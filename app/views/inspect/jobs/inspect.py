@@ -15,6 +15,7 @@ from app.views.inspect.jobs.memory import ChannelsJob, MemoryDepthJob, NetworkIn
 from app.views.inspect.jobs.parts import AblatedPartsJob, AttendedJob, ImportanceJob, OutcomeJob
 from app.views.inspect.jobs.pixel import AttributionJob, RolloutJob, ThroughTimeJob
 from app.views.inspect.state import InspectState
+from app.views.stretch import stretch_of
 
 
 def inspect_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
@@ -78,6 +79,7 @@ def _pixel_study(state: ViewState, asked: FrameRequest) -> Mapping[str, Job]:
         case "rollout":
             return {"inspect.rolled": RolloutJob(asked, query, slice_.discard / 100, slice_.fusion)}
         case "time":
-            asked_of = attention.site, attention.head, attention.follows
-            return {"inspect.followed": ThroughTimeJob(asked.plain, query, *asked_of)}
+            asked_of = attention.site, attention.head, attention.anchored(asked.index)
+            first = replace(asked.plain, index=stretch_of(asked.index)[0])
+            return {"inspect.followed": ThroughTimeJob(first, query, *asked_of)}
     return {}
