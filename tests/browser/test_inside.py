@@ -80,7 +80,7 @@ def test_from_a_pixel_to_a_head_a_mask_its_twin_and_back(page):
 
     click(page, "set:attention.head:3")
     click(page, f"inspect:switch:head {OTHER} 3")
-    page.get_by_test_id("change-in-bar").get_by_text("head 3 of 1/8 encoder 2, self masked").wait_for()
+    page.get_by_test_id("change-in-bar").get_by_text("head 3 of 1/8 encoder 1, self masked").wait_for()
     page.locator(".et-mark").get_by_text("head 3 masked").wait_for()
     page.get_by_test_id("change-mark").first.wait_for(state="attached")
 

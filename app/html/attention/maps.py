@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from app.engine.requests import Ready
+from app.html.attention.changed import site_name
 from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook, Direction, Gather
 from app.html.elements import ON_PICK, empty, escape, legend, marker, panel, picture
@@ -73,12 +74,11 @@ def _site(name: str) -> Site:
 
 
 def site_words(name: str, sites: tuple[str, ...]) -> str:
-    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 attends to 1/8"."""
+    """A site in words: "1/4 decoder 0, cross: 1/4 attends to 1/8"."""
     site = Site.of(name)
     own = resolution(site.scale)
-    if site.kind == "self":
-        return f"{own} · {site.part} {site.layer + 1}, self-attention: {own} attends to itself"
-    return f"{own} · {site.part} {site.layer + 1}, cross-attention: {own} attends to {resolution(source(site, sites))}"
+    reads = "itself" if site.kind == "self" else resolution(source(site, sites))
+    return f"{site_name(name)}: {own} attends to {reads}"
 
 
 def source(site: Site, sites: tuple[str, ...]) -> int:

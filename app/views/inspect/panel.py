@@ -11,6 +11,7 @@ from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import FrameRequest
 from app.html.attention.maps import base_url
+from app.html.attention.not_maps import explained_html, not_icon
 from app.html.card import icon_button
 from app.html.controls import choose_pixel, stale_line, under_way
 from app.html.elements import empty, escape, panel
@@ -83,7 +84,11 @@ def inspector_html(page: Page) -> str:
         return note + bars + code_of(page) + list_html(lacks)
     title, _ = INSPECTORS[inside.opened]
     back = icon_button("set:inspect.opened:none", "previous", "All inspectors")
-    head = panel("inspector-title", f'<div class="et-inspector-head">{back}<h4>{title}</h4></div>')
+    has_maps = inside.opened in ("matters", "rollout", "time")
+    about = not_icon(f"set:inspect.shows_not:{not inside.shows_not}", inside.shows_not) if has_maps else ""
+    head = panel("inspector-title", f'<div class="et-inspector-head">{back}<h4>{title}</h4>{about}</div>')
+    if has_maps and inside.shows_not:
+        head += panel("not-maps", explained_html())
     if said := lacks.get(NEEDS.get(inside.opened, ""), ""):
         return head + panel("lacking", empty("Nothing to show", f"{said}."))
     return head + note + _opened(page, page.moment) + code_of(page)

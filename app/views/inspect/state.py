@@ -91,6 +91,8 @@ class InspectState:
     """While a key is held: the page as it is without the change."""
     shows_code: bool = False
     """Whether the lines of Python that give what the open inspector shows stand below it."""
+    shows_not: bool = False
+    """Whether what attention maps are not stands above an inspector's maps."""
     lines: str = text("", longest=40)
     """Which of its numbers the lines give; the inspector's first where it has none such."""
     num_back: int = whole(2, 0, MOST_BACK)

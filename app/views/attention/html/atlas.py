@@ -17,12 +17,12 @@ from app.html.attention.maps import (
     tokens_words,
 )
 from app.html.card import icon_button, segmented
-from app.html.controls import button
+from app.html.controls import button, percent
 from app.html.elements import ON_PICK, escape, panel
 from app.html.moment import PICTURES
-from app.html.units import resolution, short
+from app.html.units import resolution
 from app.views.attention.html.dots import dots_html
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.state import AttentionState
 from app.views.page import Page
 from etnet.render.attention import times_uniform
@@ -58,7 +58,7 @@ def atlas_html(page: Page) -> tuple[str, str, str]:
 def _bars_note(effects: dict[str, np.ndarray]) -> str:
     """What the bars say, and how much the tallest is; whole under the pointer, because the header is narrow."""
     most = _largest(effects)
-    tallest = f", tallest {most:.4f}" if most > 0 else ""
+    tallest = f", tallest {percent(most, is_signed=False)}" if most > 0 else ""
     whole = f"bars: effect of each head on this pixel when masked{tallest}"
     return f'<span title="{whole}">bars: effect when masked{tallest}</span>'
 
@@ -78,7 +78,7 @@ def _tools(slice_: AttentionState) -> str:
         is_on=slice_.shows_dots,
     )
     order = "" if slice_.shows_dots else segmented("Order", words, f"set:attention.order:{slice_.order}")
-    return narrow + order + dots
+    return narrow + order + dots + not_button(slice_)
 
 
 def narrowed(shown: Shown) -> tuple[str, ...]:
@@ -92,7 +92,7 @@ def _heads_grid(shown: Shown, effects: dict[str, np.ndarray], sites: tuple[str, 
     """Each head of some sites by itself: a column for each site, a row for each head."""
     style = f"--columns:{len(sites)};--rows:{shown.num_heads}"
     places = [Site.of(name) for name in sites]
-    heads = (f"{resolution(each.scale)} {each.part[:3]} {each.layer + 1}<br>{each.kind}" for each in places)
+    heads = (f"{resolution(each.scale)} {each.part[:3]} {each.layer}<br>{each.kind}" for each in places)
     cells = ["<div class=et-head>head</div>", *(f'<div class="et-head">{words}</div>' for words in heads)]
     look = shown.look
     for head in range(shown.num_heads):
@@ -142,7 +142,7 @@ def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
     cells = ["<span></span>"]
     cells += [
         f'<button class="et-head et-narrow" data-k="set:attention.only:{part}.{layer}.{kind}" {ON_PICK}'
-        f' title="Its heads, one by one">{short_names.get(part, part)} {layer + 1}<br>{kind}</button>'
+        f' title="Its heads, one by one">{short_names.get(part, part)} {layer}<br>{kind}</button>'
         for part, layer, kind in layers
     ]
     for scale in scales:
@@ -159,7 +159,7 @@ def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
 
 def _place(name: str) -> str:
     site = Site.of(name)
-    return f'<span class="et-label">{resolution(site.scale)} {site.part[:3]} {site.layer + 1} {site.kind}</span>'
+    return f'<span class="et-label">{resolution(site.scale)} {site.part[:3]} {site.layer} {site.kind}</span>'
 
 
 def _cell(shown: Shown, name: str, effects: dict[str, np.ndarray], largest: float, label: str = "") -> str:
@@ -198,8 +198,8 @@ def bars(effects: Float[np.ndarray, " heads"] | None, largest: float, num_heads:
 
 
 def effect_words(value: float) -> str:
-    """A signed difference of a raw frame (0 … 1)."""
-    return f"{value:+.4f}".replace("-", "−") if abs(value) >= 0.00005 else "0.0000"
+    """A signed difference of a raw frame, of full brightness."""
+    return percent(value)
 
 
 def _sorted(shown: Shown, effects: dict[str, np.ndarray]) -> list[str]:
@@ -225,7 +225,8 @@ def _alike(shown: Shown) -> str:
         if max(here, image) < 0.005:
             return (
                 '<div class="et-note" data-testid="alike">With all attention made uniform this pixel moves by '
-                f"{short(here)} and the image by {short(image)}: maps explain little here.</div>"
+                f"{percent(here, is_signed=False)} and the image by {percent(image, is_signed=False)}: maps explain "
+                "little here.</div>"
             )
     rows = (row_of(shown.ready, shown.attention, name, shown.look) for name in shown.attention.sites)
     if all(times_uniform(row).max() < _ALIKE for row in rows):

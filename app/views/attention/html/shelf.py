@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,11 +12,11 @@ from app.engine.jobs import JobResult
 from app.html.attention.maps import base_url, head_words, map_facts, map_html
 from app.html.card import segmented
 from app.html.chart import Line, chart
-from app.html.controls import under_way
+from app.html.controls import percent, under_way
 from app.html.elements import escape, panel
-from app.html.units import significant
+from app.html.units import of_whole
 from app.views.attention.html.atlas import effect_words, effects_of
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.jobs.time import Curve
 from app.views.attention.state import AttentionState, Quantity
 from app.views.page import Page
@@ -23,11 +25,11 @@ from app.views.stretch import NEAR
 QUANTITIES: dict[Quantity, str] = {"entropy": "entropy", "mass": "local mass", "effect": "effect"}
 
 
-def heads_html(page: Page) -> tuple[str, str]:
-    """Note and body of the card of heads."""
-    shown = shown_of(page)
+def heads_html(page: Page) -> tuple[str, str, str]:
+    """Note, tools and body of the card of heads."""
+    shown, tools = shown_of(page), not_button(page.state.of(AttentionState))
     if shown is None:
-        return "", panel("site-heads", missing(page, is_brief=True))
+        return "", tools, panel("site-heads", missing(page, is_brief=True))
     effects = effects_of(shown).get(shown.site)
     cells: list[tuple[float, str]] = []
     for head, row in enumerate(shown.rows()):
@@ -46,7 +48,7 @@ def heads_html(page: Page) -> tuple[str, str]:
     in_order = "".join(cell for _, cell in sorted(cells, key=lambda cell: cell[0]))
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
     body = f'<div class="et-heads et-row-of-heads">{in_order}</div>'
-    return "effect on this pixel when masked", panel("site-heads", body, style=style)
+    return "effect on this pixel when masked", tools, panel("site-heads", body, style=style)
 
 
 def time_html(page: Page) -> tuple[str, str, str]:
@@ -57,15 +59,16 @@ def time_html(page: Page) -> tuple[str, str, str]:
     tools = segmented("Quantity", quantities, f"set:attention.curve:{slice_.curve}") + segmented(
         "Follow the patch along its events", {toggle: "follow the patch"}, toggle if slice_.follows else ""
     )
+    tools += not_button(slice_)
     shown = shown_of(page)
     if shown is None:
         return "", tools, panel("time", missing(page, is_brief=True))
     result = shown.found("curve")
     if result is None or not isinstance(result.value, Curve) or not _answers(shown, result):
         return "", tools, panel("time", waits(result, "one window after the other"))
-    curve, note = result.value, _curve_words(shown, slice_)
+    curve = result.value
     rest = "" if result.is_whole else under_way(result.share, f"{len(curve.indices)} of {curve.wanted} windows")
-    return note, tools, panel("time", _drawn(shown, curve), rest)
+    return "", tools, panel("time", _drawn(shown, curve), rest)
 
 
 def _answers(shown: Shown, result: JobResult) -> bool:
@@ -76,14 +79,15 @@ def _answers(shown: Shown, result: JobResult) -> bool:
     return (job.pixel, job.site, job.quantity, job.head, job.anchor) == asked
 
 
-def _curve_words(shown: Shown, slice_: AttentionState) -> str:
+def _curve_words(shown: Shown) -> str:
+    """Of what the loud line is."""
     head = shown.look.head
-    match slice_.curve:
+    match shown.slice_.curve:
         case "effect":
             return "masking " + head_words(head, "mean") if head is not None else "ablating this site"
         case "mass":
-            return f"mass within {NEAR} px"
-    return "bits, " + (f"head {head}" if head is not None else "mean of the heads’ entropies")
+            return f"mass within {NEAR} px, " + (f"head {head}" if head is not None else "mean of the heads")
+    return f"head {head}" if head is not None else "mean of the heads’ entropies"
 
 
 def _drawn(shown: Shown, curve: Curve) -> str:
@@ -102,12 +106,18 @@ def _drawn(shown: Shown, curve: Curve) -> str:
     chosen = curve.values[:, head] if head is not None and head < curve.values.shape[1] else curve.values.mean(1)
     lines.append(Line(chosen.tolist(), is_loud=True))
     low, high = min(0.0, float(curve.values.min())), max(float(curve.values.max()), 1e-6)
-    unit = ""
+    say: Callable[[float], str] = percent if shown.slice_.curve == "effect" else partial(of_whole, digits=1)
     if shown.slice_.curve == "entropy":
-        low, high, unit = 0.0, float(np.log2(shown.grid.num_tokens)), " bits"
+        low, high, say = 0.0, float(np.log2(shown.grid.num_tokens)), _bits
     place = curve.indices.index(index) if index in curve.indices else None
-    said = "" if place is None else f"now {significant(float(chosen[place]), 4)}{unit}"
-    return chart(times, lines, (low, high), f"{significant(high)}{unit}", index=place, said=said)
+    said = _curve_words(shown)
+    if place is not None:
+        said = f"now {say(float(chosen[place]))} · {said}"
+    return chart(times, lines, (low, high), say(high), index=place, said=said)
+
+
+def _bits(value: float) -> str:
+    return f"{value:.2f} bits"
 
 
 def waits(result: JobResult | None, what: str) -> str:

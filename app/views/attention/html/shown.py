@@ -12,6 +12,7 @@ from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
+from app.html.attention.not_maps import not_icon
 from app.html.attention.maps import gathered, rows_of, site_in
 from app.html.controls import under_way
 from app.html.elements import empty
@@ -136,6 +137,12 @@ def _handed_over(facts: SiteFacts, site: str, token: int) -> tuple[np.ndarray, n
     found = value_weighted(facts.attention, site, [token])
     shares = [maps / maps.sum(-1, keepdim=True).clamp_min(1e-20) for maps in (found.by_head[:, 0], found.joint[0])]
     return shares[0].cpu().numpy(), shares[1].cpu().numpy()
+
+
+def not_button(slice_: AttentionState) -> str:
+    """What maps are not, in the large map's place: one click from every card."""
+    is_on = slice_.over == "not"
+    return not_icon(f"set:attention.over:{'none' if is_on else 'not'}", is_on)
 
 
 def lacks_attention(page: Page) -> str:

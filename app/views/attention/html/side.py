@@ -6,7 +6,7 @@ from app.html.attention.changed import change_words, since_words
 from app.html.attention.difference import difference_legend
 from app.html.attention.maps import highest_of, map_legend
 from app.html.card import icon_button, segmented, select
-from app.html.controls import button, plain_bar
+from app.html.controls import button, percent, plain_bar
 from app.html.elements import escape, panel
 from app.html.moment import ARRAYS
 from app.html.units import count, of_whole
@@ -97,7 +97,9 @@ def _map(slice_: AttentionState) -> str:
     ways: dict[object, str] = {"attends to": "attends to", "attended by": "attended by"}
     weights: dict[object, str] = {"alpha": "α", "value": "‖αvW_O‖"}
     weight = _choice("Weight", "weight", weights, slice_.weight)
-    if slice_.direction == "attended by":
+    if slice_.pinned is not None:
+        weight = _row("Weight", '<span class="et-note">α; that is what a pin holds</span>')
+    elif slice_.direction == "attended by":
         weight = _row("Weight", '<span class="et-note">α; values are mixed along rows alone</span>')
     direction = _choice("Direction", "direction", ways, slice_.direction)
     threshold = _choice("Tokens drawn", "keep", KEPT, slice_.keep)
@@ -127,13 +129,13 @@ def _tokens(page: Page, slice_: AttentionState) -> str:
     features = select(
         "Vectors", "set:attention.feature", {str(word): said for word, said in FEATURES.items()}, slice_.feature
     )
-    places: dict[object, str] = {"none": "nowhere", "10 back": "−10", "10 on": "+10"}
+    places: dict[object, str] = {"none": "none", "10 back": "−10", "10 on": "+10"}
     places |= {slot: slot.upper() for slot, pinned in (("a", slice_.pin_a), ("b", slice_.pin_b)) if pinned is not None}
     places |= {f"run {place}": f"run {NAMES[place]}" for place, _ in comparable_runs(page.state)}
-    said = "Where this token’s vector is found 10 windows back or on, at a pin, or in a run of Compare."
+    said = "Where this token’s vector is found, too: 10 windows back or on, at a pin, or in a run of Compare."
     if slice_.tokens == "pca":
         said = "Colours are fitted to the recording once. Another window stands beside the similarity map alone."
-    also = _choice("Similar also in", "also", places, slice_.also)
+    also = _choice("Also in window", "also", places, slice_.also)
     return f'<h4>Tokens</h4>{_row("Vectors", features)}{also}<div class="et-note">{said}</div>'
 
 
@@ -181,11 +183,11 @@ def _matters(shown: Shown) -> str:
     largest = max((abs(here) for _, here, _ in measured if here is not None), default=0.0)
     rows = "".join(
         f'<span class="et-note">{words}</span><span class="et-measure" data-testid="matters">'
-        + ("<i></i><b>…</b>" if here is None else f"{plain_bar(abs(here), largest)}<b>{abs(here):.4f}</b>")
+        + ("<i></i><b>…</b>" if here is None else f"{plain_bar(abs(here), largest)}<b>{percent(abs(here), is_signed=False)}</b>")
         + "</span>"
         for words, here, _ in measured
     )
-    images = ", ".join("…" if image is None else f"{image:.4f}" for _, _, image in measured)
+    images = ", ".join("…" if image is None else percent(image, is_signed=False) for _, _, image in measured)
     return (
         f'<h4>Does attention matter here?</h4><div class="et-table et-two et-bars">{rows}</div>'
         f'<div class="et-note">change of this pixel; of the whole image {images}</div>'
@@ -224,14 +226,18 @@ def _scene(page: Page, slice_: AttentionState) -> str:
     """What of this site stands in the event cloud, and why a switch cannot act now."""
     links: dict[object, str] = {False: "off", True: "on"}
     planes: dict[object, str] = {False: "events", True: "maps"}
+    scene, held = page.state.of(SceneState), str(slice_.shows_planes)
     said = "Shown in the event cloud of Inspect."
-    if slice_.shows_planes and page.state.of(SceneState).camera == "front":
+    if not slice_.shows_planes and not scene.shows_events:
+        held = "neither"
+        said = "Events are off in the event cloud, so nothing stands behind the image. Switch them on there."
+    elif slice_.shows_planes and scene.camera == "front":
         said = "Maps stand behind the image; the front view hides them. Choose Perspective or Side in the event cloud."
-    elif not slice_.shows_planes and page.state.of(SceneState).camera == "front":
+    elif scene.camera == "front":
         said = (
             "The front view shows nothing behind the image. Choose Perspective or Side in the event cloud of Inspect."
         )
     return (
         f"<h4>In the event cloud</h4>{_choice('Strongest links', 'shows_links', links, slice_.shows_links)}"
-        f'{_choice("Behind image", "shows_planes", planes, slice_.shows_planes)}<div class="et-note">{said}</div>'
+        f'{_choice("Behind image", "shows_planes", planes, held)}<div class="et-note">{said}</div>'
     )

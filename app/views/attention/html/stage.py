@@ -7,6 +7,7 @@ import numpy as np
 from app.html.attention.changed import changed_at, site_name
 from app.html.attention.difference import difference_tokens
 from app.html.attention.keep import kept, kept_words
+from app.html.attention.not_maps import explained_html
 from app.html.attention.maps import (
     Site,
     base_url,
@@ -25,7 +26,7 @@ from app.html.pictures import lag_line, reconstruction_image
 from app.html.units import count, resolution, significant
 from app.views.attention.html.code import code_block, row_block
 from app.views.attention.html.pins import Difference, difference_of, pin_words
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.state import Over
 from app.views.naming import title_of
 from app.views.page import Page
@@ -33,16 +34,6 @@ from app.views.reconstruction.state import tones_of
 from etnet.render.attention import times_uniform
 from etnet.render.encode import data_url
 from etnet.render.tone import tone_map
-
-NOT = (
-    ("Not the reason for a pixel", "Skips and the upsampler go round TPA. Look at the bars: they are measured."),
-    ("Not the contribution", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
-    ("Not where in the scene", "After the first layer a token already mixes others."),
-    ("Not unique", "Heads can cancel each other, and a sharp head may write where nothing attends."),
-    ("Not signed", "A weight can brighten or darken. Signs are in ablations and gradients."),
-    ("Not always in known land", "Positions that training never met say more about the position code."),
-)
-
 
 def stage_html(page: Page) -> tuple[str, str, str, str]:
     """Title, note, tools and body of the card."""
@@ -52,7 +43,7 @@ def stage_html(page: Page) -> tuple[str, str, str, str]:
         return "Attention", "", "", panel("site", lag, _frame(page), missing(page))
     site, head = shown.site, shown.look.head
     note = escape(head_words(head, shown.look.gather, shown.num_heads))
-    over = {"not": lambda _: _explained(), "python": code_block, "row": row_block}.get(shown.slice_.over)
+    over = {"not": lambda _: explained_html(), "python": code_block, "row": row_block}.get(shown.slice_.over)
     if over is not None:
         return site_name(site), note, _tools(shown), panel("site", lag, over(shown))
     return site_name(site), note, _tools(shown), panel("site", lag, _line(shown), _map(shown), _foot(shown))
@@ -80,7 +71,7 @@ def _tools(shown: Shown) -> str:
         return icon_button(f"set:attention.over:{'none' if is_on else word}", name, title, is_on=is_on)
 
     return (
-        over("not", "help", "What attention maps are not")
+        not_button(slice_)
         + icon_button(f"attention:pin:{slot}{where}", "pin", f"Pin this map with its moment as {slot.upper()}")
         + over("row", "table", "The row as text: copy, or save as CSV")
         + over("python", "code", "Copy as Python")
@@ -98,11 +89,11 @@ def _instead(shown: Shown) -> str:
     """That the network has not what was chosen, where another one had it."""
     asked, said = shown.slice_, []
     if asked.site != shown.site:
-        said.append(f"no site {asked.site}: this is its first")
+        said.append(f"has no site {asked.site}, so its first one is shown")
     if asked.head is not None and shown.look.head is None:
-        said.append(f"no head {asked.head}: these are all of them")
+        said.append(f"has no head {asked.head}, so all heads are shown")
     model = shown.page.model.title
-    return f'<div class="et-note" data-testid="instead">{escape(model)} has {"; ".join(said)}.</div>' if said else ""
+    return f'<div class="et-note" data-testid="instead">{escape(model)} {"; it ".join(said)}.</div>' if said else ""
 
 
 def library_words(shown: Shown) -> str:
@@ -133,6 +124,8 @@ def _map(shown: Shown) -> str:
     if shown.look.direction == "attends to":
         kept = kept_words(row, shown.look.keep)
         left = f"attends to {reads} · {kept or f'{tokens_words(row)} effective tokens of {num}'}"
+    elif shown.look.head is None and shown.look.gather != "mean":
+        left = f"{shown.look.gather} over heads, token by token"  # its sum says nothing of what is received
     else:
         left = f"received {float(row.sum()):.2f} × uniform"
     peak = int(row.argmax())
@@ -216,8 +209,3 @@ def _foot(shown: Shown) -> str:
         f'<div class="et-caption" data-testid="map-facts"><span>{sharp}</span>'
         f'<span title="mean distance"><b>{pixels:.0f}</b> px</span>{total}</div>'
     )
-
-
-def _explained() -> str:
-    rows = "".join(f"<dt>{title}</dt><dd>{words}</dd>" for title, words in NOT)
-    return f'<dl class="et-not" data-testid="not"><h4>What attention maps are not</h4>{rows}</dl>'

@@ -15,7 +15,7 @@ from app.html.card import segmented
 from app.html.elements import escape, panel
 from app.html.units import count, of_whole
 from app.views.attention.html.shelf import waits
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.jobs.site import Tokens, site_of_word
 from app.views.attention.state import AttentionState, FeatureWord, other_moment
 from app.views.naming import title_of
@@ -40,6 +40,7 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
     slice_ = page.state.of(AttentionState)
     options = {"set:attention.tokens:similarity": "similar", "set:attention.tokens:pca": "PCA"}
     tools = segmented("Tokens", options, f"set:attention.tokens:{slice_.tokens}")
+    tools += not_button(slice_)
     title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
     shown = shown_of(page)
     if shown is None:

@@ -20,7 +20,7 @@ from app.html.controls import (
 from app.html.elements import escape, legend, marker, panel, picture
 from app.html.moment import PICTURES, Moment
 from app.html.tones import Tones
-from app.html.units import count, seconds, short
+from app.html.units import count, seconds
 from app.views.inspect.html.overview import stage_words
 from app.views.inspect.results import SpreadFound, TwinFound
 from app.views.inspect.state import Change
@@ -67,7 +67,7 @@ def sources_html(figure: Sources | None) -> str:
     drawn = ""
     for at, name, value in rows:
         width = WIDEST * abs(value) / largest
-        signed = f"{value:+.4f}".replace("-", "−")
+        signed = percent(value)
         drawn += (
             f'<g><title>{escape(stage_words(name))}: {signed}</title><path fill="none"'
             f' d="M150 {at - 4:.0f} C 220 {at - 4:.0f}, 230 {middle:.0f}, 292 {middle:.0f}"'
@@ -78,7 +78,7 @@ def sources_html(figure: Sources | None) -> str:
         )
     pixel = (
         f'<circle cx="298" cy="{middle:.0f}" r="6" fill="#fff"></circle>'
-        f'<text x="298" y="{middle + 22:.0f}" text-anchor="middle">{figure.value:.3f}</text>'
+        f'<text x="298" y="{middle + 22:.0f}" text-anchor="middle">{percent(figure.value, is_signed=False)}</text>'
     )
     svg = f'<svg viewBox="0 0 {_WIDTH} {y:.0f}" role="img" aria-label="pixel sources">{drawn}{labels}{pixel}</svg>'
     note = "without − with, of full brightness; state before counts what earlier windows gave"
@@ -102,7 +102,7 @@ def search_html(search: CausalSearch | None, is_whole: bool, tolerance: int, mom
     if search is None or not search.trials:
         return panel("search", body)
     tried = " · ".join(
-        f"{trial.at}: {'changed' if trial.changes else 'same'}"
+        f"{trial.at} {'changed' if trial.changes else 'unchanged'}"
         for trial in sorted(search.trials, key=lambda trial: trial.at)
     )
     body += f'<div class="et-say" data-testid="cause">{escape(_found(search, is_whole))}</div>'
@@ -117,12 +117,12 @@ def search_html(search: CausalSearch | None, is_whole: bool, tolerance: int, mom
             body += f'<div class="et-note">{count(window.num_events)} events, until {seconds(at)}</div>'
         twin = button("Effect over time of that reset", f"inspect:twin:{search.changes_at}:{levels}")
         body += f'<div class="et-chips">{shown}{twin}</div>'
-    return panel("search", body, f'<div class="et-note">Trials, by window: {tried}</div>')
+    return panel("search", body, f'<div class="et-note">The pixel after a reset before window {tried}</div>')
 
 
 def _found(search: CausalSearch, is_whole: bool) -> str:
     if not is_whole:
-        return f"{len(search.trials)} resets tried"
+        return f"{len(search.trials)} reset{'' if len(search.trials) == 1 else 's'} tried so far."
     if search.changes_at is None:
         return "No reset of the state changes this pixel by so much: it does not rest on the memory."
     if search.entered_at is None:
@@ -156,7 +156,7 @@ def twin_html(
         return panel("twin", head)
     image = found.on_image
     here = np.abs(found.at(query)) if query is not None else None
-    pair = _pair(found, (key, moment.index), moment.index, tones)
+    pair = _pair(found, (key, moment.index), moment, tones)
     return panel("twin", head, _curve(found, image, here, moment), pair, _recovered(found))
 
 
@@ -167,14 +167,18 @@ def _curve(found: TwinFound, image: np.ndarray, here: np.ndarray | None, moment:
     lines = [Line(image.tolist())] + ([] if here is None else [Line(here.tolist(), is_loud=True)])
     place = found.indices.index(moment.index) if moment.index in found.indices else None
     words = "mean |difference| of the image" + (", and of this pixel (violet)" if here is not None else "")
-    drawn = chart(times, lines, (0.0, top), short(top), index=place, testid="twin-curve")
+    drawn = chart(times, lines, (0.0, top), percent(top, is_signed=False), index=place, testid="twin-curve")
     return f'{drawn}<div class="et-note">{words}</div>'
 
 
-def _pair(found: TwinFound, key: object, index: int, tones: Tones) -> str:
+def _pair(found: TwinFound, key: object, moment: Moment, tones: Tones) -> str:
+    index = moment.index
     if index not in found.indices:
         first, last = found.indices[0], found.indices[-1]
-        return f'<div class="et-note">Both runs are compared in windows {first} to {last}; go there to see them.</div>'
+        at = (found.stamps[0] - moment.recording.span.start) / 1e6
+        goes = button(f"Go to window {count(first)}", f"goto:{at:.6f}")
+        words = f"Both runs are compared in windows {count(first)} to {count(last)}."
+        return f'<div class="et-note">{words}</div><div class="et-chips">{goes}</div>'
     place = found.indices.index(index)
     original, changed = found.original[place], found.changed[place]
     apart = changed - original
@@ -248,11 +252,11 @@ def _deviation(values: np.ndarray, key: object, name: str, query: tuple[int, int
 
     marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
     image = picture(PICTURES.text(key, make), name, key="pixel", size=(width, height), marks=marks)
-    return image + legend(name, css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {short(limit)}")])
+    return image + legend(name, css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {percent(limit, is_signed=False)}")])
 
 
 def _here(values: np.ndarray, query: tuple[int, int] | None) -> str:
-    return "" if query is None else f"This pixel: {values[query[1], query[0]]:.4f}. "
+    return "" if query is None else f"This pixel: {percent(float(values[query[1], query[0]]), is_signed=False)}. "
 
 
 def _told(pearson: float | None, spearman: float | None) -> str:

@@ -65,7 +65,7 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     alike = float(np.minimum(raw, handed).sum())
     said = (
         f"{site_words(name, attention.sites)}. The two maps share {of_whole(alike)} of their weight; "
-        "where they differ, it attends to what contributes little."
+        "where α is the larger, little is handed over for it; where ‖αvW_O‖ is, much."
     )
     style = f"--n:{grid.columns};--base:url({base})"
     return panel(
@@ -155,7 +155,7 @@ def _waste(attended: Attended, token: int, key: object) -> str:
     for row in dict.fromkeys(site.row for site in sites.values()):
         part, layer, kind = row
         reads = kind
-        cells.append(f"<span>{part.capitalize()} {layer + 1} <i>{reads}</i></span>")
+        cells.append(f"<span>{part.capitalize()} {layer} <i>{reads}</i></span>")
         for scale in scales:
             name = by_place.get((row, scale))
             cells.append("<span>–</span>" if name is None else _waste_cell(attended, name, waste[name], token))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.html.controls import choose_pixel, plain_bar
+from app.html.controls import choose_pixel, part_words, percent, plain_bar
 from app.html.elements import ON_PICK, escape, panel
 from app.html.units import resolution
 from app.views.inspect.results import AblatedParts
@@ -45,18 +45,16 @@ def ablation_html(query: tuple[int, int] | None, found: AblatedParts | None, wai
     largest = max(moved.values(), default=0.0)
     rows = "".join(
         f'<span class="et-note">{escape(part_name(name))}</span><span class="et-measure" data-testid="moved">'
-        f"{plain_bar(value, largest)}<b>{value:.3f}</b></span>"
+        f"{plain_bar(value, largest)}<b>{percent(value, is_signed=False)}</b></span>"
         for name, value in moved.items()
     )
     return panel("ablation", head, lead, f'<div class="et-table et-two et-bars">{rows}</div>', waits)
 
 
 def part_name(name: str) -> str:
-    """ "Skip, head", "State before"."""
-    if name.startswith("skip "):
-        level = int(name.removeprefix("skip "))
-        return "Skip, head" if level == 0 else f"Skip, level {level}"
-    return name[:1].upper() + name[1:]
+    """ "Skip, 1/2", "State before"."""
+    words = part_words(name)[0]
+    return words[:1].upper() + words[1:]
 
 
 def list_html(lacks: dict[str, str]) -> str:

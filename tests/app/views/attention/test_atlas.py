@@ -110,7 +110,7 @@ def test_attention_that_tells_little_says_so(page_of, monkeypatch):
 
 def test_heads_show_their_effect_and_are_chosen_by_a_click(loaded, page_of):
     job = AtlasJob(request_of(INDEX))
-    page = Checker(heads_html(page_of(jobs=[("atlas", job)]))[1])
+    page = Checker(heads_html(page_of(jobs=[("atlas", job)]))[2])
     assert page.keys == [f"set:attention.head:{head}" for head in range(4)]
     table = whole(job, loaded).on_pixel(*QUERY)[whole(job, loaded).sites.index(SITE)]
     for head in range(4):

@@ -7,6 +7,7 @@ import pytest
 
 from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
+from app.html.controls import percent
 from app.html.moment import Moment
 from app.state.view_state import ViewState
 from app.views import VIEWS
@@ -154,10 +155,12 @@ def test_a_rollout_fuses_heads_as_it_was_asked(loaded, fusion):
 
 def test_a_kymograph_stays_on_the_patch_that_is_followed(loaded):
     state = ViewState("r", "m", policy=POLICY, index=INDEX, query=QUERY)
-    state = state.put(InspectState(opened="time"), AttentionState(site=SITE, follows=True))
+    state = state.put(InspectState(opened="time"), AttentionState(site=SITE, follows=True, anchor=INDEX))
     found = whole(inspect_jobs(state, request_of(INDEX))["inspect.followed"], loaded)
     recording, windows = loaded.playback.recording, loaded.playback.windows
-    path = pixels_of(follow(recording, windows, INDEX, QUERY, 0))
+    path = pixels_of(follow(recording, windows, INDEX, QUERY, 0)) | pixels_of(
+        follow(recording, windows, INDEX, QUERY, len(windows) - 1)
+    )
     assert found.indices == tuple(sorted(path))
     moments = attention_through_time(loaded.playback, path, sorted(path), frozenset({SITE}), head="mean")
     assert np.array_equal(found.entropy, Track.of(moments).entropy[:, 0, 0].numpy())
@@ -186,7 +189,7 @@ def test_a_network_that_estimates_its_variance_is_asked_for_it():
     text = spread_html(found, "own", QUERY)
     x, y = QUERY
     assert "own estimate" in text
-    assert f"This pixel: {found.own.deviation[y, x]:.4f}. No camera frame" in text
+    assert f"This pixel: {percent(float(found.own.deviation[y, x]), is_signed=False)}. No camera frame" in text
     Checker(text)
 
 
