@@ -17,6 +17,7 @@ from app.html.controls import choose_pixel, stale_line, under_way
 from app.html.elements import empty, escape, panel
 from app.html.moment import Moment
 from app.views.attention.state import AttentionState, look_of
+from app.views.events.state import EventsState
 from app.views.inspect.html.attribution import traced_html
 from app.views.inspect.html.causes import pixel_first, search_html, sources_html, spread_html, twin_html
 from app.views.inspect.html.change import change_html
@@ -127,10 +128,7 @@ def _causes(page: Page, moment: Moment) -> str:
             found = _about(page.results.get("inspect.sources"), pixel=query)
             return _awaited(found, "ablating one part after the other", page) + sources_html(_value(found))
         case "search":
-            found = _about(page.results.get("inspect.search"), pixel=query, tolerance=inside.tolerance / 1000)
-            waits = _awaited(found, "zeroing the state at one window after the other", page)
-            is_whole = found is not None and found.is_whole
-            return waits + search_html(_value(found), is_whole, inside.tolerance, moment)
+            return _search(page, moment)
         case "spread":
             found = page.results.get("inspect.spread")
             waits = _awaited(found, "leaving events out at random", page)
@@ -146,7 +144,22 @@ def _causes(page: Page, moment: Moment) -> str:
     if found is not None and found.trouble:
         waits = _awaited(found, "", page)
     key = None if found is None else found.job
-    return twin_html(value, key, change, moment, query, tones_of(page)) + waits
+    parts = page.results.get("inspect.network")
+    anatomy = None if parts is None or parts.value is None else parts.value.anatomy
+    return twin_html(value, key, change, moment, query, tones_of(page), anatomy) + waits
+
+
+def _search(page: Page, moment: Moment) -> str:
+    inside, query, found = page.state.of(InspectState), page.state.query, page.results.get("inspect.search")
+    level = None if inside.zeroes == "all" else int(inside.zeroes)
+    towards = {"any": None, "camera": "camera", "value": inside.wanted / 100}[inside.towards]
+    asked = {"pixel": query, "tolerance": inside.tolerance / 1000, "level": level, "towards": towards}
+    found = _about(found, **asked)
+    waits = _awaited(found, "zeroing the state at one window after the other", page)
+    parts = page.results.get("inspect.network")
+    anatomy = None if parts is None or parts.value is None else parts.value.anatomy
+    is_whole, style = found is not None and found.is_whole, page.state.of(EventsState).event_image
+    return waits + search_html(_value(found), is_whole, inside, moment, anatomy, style)
 
 
 def _matters(page: Page) -> str:

@@ -29,29 +29,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """The maps that can be drawn now."""
+class Seen:
+    """A frame, the pixel that was chosen on it, and what is known by now; of any network."""
 
     page: Page
     slice_: AttentionState
     look: AttentionLook
     ready: Ready
-    attention: Attention
 
     @property
     def site(self) -> str:
-        """The chosen site, or, where this network has no such one, its first."""
-        return site_in(self.attention, self.slice_.site)
-
-    @property
-    def grid(self) -> TokenGrid:
-        """The token grid over the padded sensor."""
-        return self.attention.grid
-
-    @property
-    def token(self) -> int:
-        """The token over the chosen pixel."""
-        return self.grid.token_at(*self.look.query)
+        """The chosen site."""
+        return self.slice_.site
 
     @property
     def path(self) -> Path:
@@ -68,16 +57,6 @@ class Shown:
         result = self.found("path")
         is_known = result is not None and result.is_whole and bool(self.path)
         return is_known and self.ready.request.index not in self.path
-
-    @property
-    def coarsest(self) -> int:
-        """The coarsest scale that has attention."""
-        return max(int(name[5]) for name in self.attention.sites)
-
-    @property
-    def num_heads(self) -> int:
-        """Heads of a site."""
-        return len(self.attention.queries[self.site])
 
     def found(self, slot: str) -> JobResult | None:
         """What is known of a job; `None` where it was found of another network, recording or plan of windows."""
@@ -98,6 +77,38 @@ class Shown:
         """The chosen feature's map, or its basis of colours."""
         word = self.slice_.feature
         return self.result(slot, site=site_of_word(word, self.slice_.site), word=word)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown(Seen):
+    """The same with the maps of a network that has attention."""
+
+    attention: Attention
+
+    @property
+    def site(self) -> str:
+        """The chosen site, or, where this network has no such one, its first."""
+        return site_in(self.attention, self.slice_.site)
+
+    @property
+    def grid(self) -> TokenGrid:
+        """The token grid over the padded sensor."""
+        return self.attention.grid
+
+    @property
+    def token(self) -> int:
+        """The token over the chosen pixel."""
+        return self.grid.token_at(*self.look.query)
+
+    @property
+    def coarsest(self) -> int:
+        """The coarsest scale that has attention."""
+        return max(int(name[5]) for name in self.attention.sites)
+
+    @property
+    def num_heads(self) -> int:
+        """Heads of a site."""
+        return len(self.attention.queries[self.site])
 
     @property
     def uses_values(self) -> bool:
@@ -174,18 +185,31 @@ def missing(page: Page, is_brief: bool = False) -> str:
     return under_way(0.0, f"one decode for the maps of all heads{took}")
 
 
+def seen_of(page: Page) -> Seen | None:
+    """The newest frame with the chosen pixel, which goes with a patch that is followed; `None` before there is one."""
+    look, ready = look_of(page), page.ready
+    if look is None or ready is None:
+        return None
+    seen = Seen(page, page.state.of(AttentionState), look, ready)
+    place = seen.path.get(ready.request.index)
+    return seen if place is None else replace(seen, look=replace(look, query=place))
+
+
 def shown_of(page: Page) -> Shown | None:
     """The maps of the newest frame that has them; `None` where `missing` says why."""
-    look, ready = look_of(page), page.ready
-    if look is None or ready is None or ready.attention is None or not ready.attention.sites:
+    seen = seen_of(page)
+    attention = None if seen is None else seen.ready.attention
+    if seen is None or attention is None or not attention.sites or lacks_attention(page):
         return None
-    if lacks_attention(page):
-        return None
-    slice_ = page.state.of(AttentionState)
-    shown = Shown(page, slice_, look, ready, ready.attention)
-    place = shown.path.get(ready.request.index)
-    if place is not None:
-        shown = replace(shown, look=replace(look, query=place))
-    if look.head is None or look.head < shown.num_heads:
+    shown = Shown(page, seen.slice_, seen.look, seen.ready, attention)
+    if seen.look.head is None or seen.look.head < shown.num_heads:
         return shown
-    return replace(shown, look=replace(shown.look, head=None))  # this network has fewer
+    return replace(shown, look=replace(seen.look, head=None))  # this network has fewer
+
+
+def recurrent_of(page: Page) -> tuple[int, ...]:
+    """Recurrent levels whose hidden state can be shown; none while the network is not known."""
+    found = page.results.get("attention.network")
+    if found is None or not page.is_about(found.job.request) or not isinstance(found.value, NetworkParts):
+        return ()
+    return () if "hidden" in found.value.lacks else found.value.anatomy.levels

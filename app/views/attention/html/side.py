@@ -11,7 +11,7 @@ from app.html.elements import escape, panel
 from app.html.moment import ARRAYS
 from app.html.units import count, of_whole
 from app.views.attention.html.pins import difference_of, pin_words
-from app.views.attention.html.shown import Shown, lacks_attention, shown_of
+from app.views.attention.html.shown import Shown, lacks_attention, recurrent_of, shown_of
 from app.views.attention.html.tokens import FEATURES
 from app.views.attention.jobs.site import SiteFacts
 from app.views.attention.state import AttentionState, comparable_runs
@@ -33,7 +33,9 @@ SCOPES = {
 def side_html(page: Page) -> str:
     """Everything that is above the widgets; a sentence for a network without attention."""
     if sentence := lacks_attention(page):
-        return panel("attention-tools", f'<div class="et-say" data-testid="lacks">{escape(sentence)}.</div>')
+        said = f'<div class="et-say" data-testid="lacks">{escape(sentence)}.</div>'
+        tokens = _tokens(page, page.state.of(AttentionState)) if recurrent_of(page) else ""
+        return panel("attention-tools", said, tokens)
     slice_, shown = page.state.of(AttentionState), shown_of(page)
     parts = [_query(page, shown, slice_), _map(slice_), _range(shown, slice_)]
     if shown is not None:
@@ -126,9 +128,11 @@ def _range(shown: Shown | None, slice_: AttentionState) -> str:
 
 def _tokens(page: Page, slice_: AttentionState) -> str:
     """Which vectors similarity and colours are of, and where else similarity is looked for."""
-    features = select(
-        "Vectors", "set:attention.feature", {str(word): said for word, said in FEATURES.items()}, slice_.feature
-    )
+    words = {str(word): said for word, said in FEATURES.items()}
+    if lacks_attention(page):
+        words = {f"hidden {level}": f"recurrent state, level {level}" for level in recurrent_of(page)}
+        words = {"": "choose", **words} if slice_.feature not in words else words
+    features = select("Vectors", "set:attention.feature", words, slice_.feature, off="")
     places: dict[object, str] = {"none": "none", "10 back": "−10", "10 on": "+10"}
     places |= {slot: slot.upper() for slot, pinned in (("a", slice_.pin_a), ("b", slice_.pin_b)) if pinned is not None}
     places |= {f"run {place}": f"run {NAMES[place]}" for place, _ in comparable_runs(page.state)}

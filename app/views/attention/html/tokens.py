@@ -12,10 +12,19 @@ from app.html.attention.keep import kept
 from app.html.attention.look import Keep
 from app.html.attention.maps import large_map
 from app.html.card import segmented
+from app.html.controls import button
 from app.html.elements import escape, panel
 from app.html.units import count, of_whole
 from app.views.attention.html.shelf import waits
-from app.views.attention.html.shown import Shown, missing, not_button, shown_of
+from app.views.attention.html.shown import (
+    Seen,
+    lacks_attention,
+    missing,
+    not_button,
+    recurrent_of,
+    seen_of,
+    shown_of,
+)
 from app.views.attention.jobs.site import Tokens, site_of_word
 from app.views.attention.state import AttentionState, FeatureWord, other_moment
 from app.views.naming import title_of
@@ -42,9 +51,11 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
     tools = segmented("Tokens", options, f"set:attention.tokens:{slice_.tokens}")
     tools += not_button(slice_)
     title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
-    shown = shown_of(page)
+    shown: Seen | None = shown_of(page)
+    if lacks_attention(page) and _is_of_the_state(page):
+        shown = seen_of(page)  # the state is there without attention
     if shown is None:
-        return title, "", tools, panel("tokens", missing(page, is_brief=True))
+        return title, "", tools, panel("tokens", missing(page, is_brief=True), _state_instead(page))
     found = shown.feature("tokens")
     if found is None:
         rest = waits(shown.found("tokens"), "one pass of the network")
@@ -61,7 +72,22 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
     return title, f"PCA, {held} of the variance", tools, panel("tokens", _colours(shown, found, basis))
 
 
-def _similar(shown: Shown, found: Tokens) -> str:
+def _is_of_the_state(page: Page) -> bool:
+    """Whether the chosen vectors are the state of a level that the network has."""
+    kind, _, level = page.state.of(AttentionState).feature.partition(" ")
+    return kind == "hidden" and int(level) in recurrent_of(page)
+
+
+def _state_instead(page: Page) -> str:
+    """Of a network without attention: its state can be looked at."""
+    levels = recurrent_of(page)
+    if not lacks_attention(page) or not levels:
+        return ""
+    key = f"set:attention.feature:hidden {levels[0]}"
+    return f'<div class="et-chips">{button("Show its recurrent state", key, classes="et-strong")}</div>'
+
+
+def _similar(shown: Seen, found: Tokens) -> str:
     keep = shown.look.keep
     here = _picture(found, found.similarity(shown.look.query), keep, shown.look.query)
     readout = '<span class="et-chip" data-etv-readout>cosine</span>'
@@ -85,7 +111,7 @@ def _similar(shown: Shown, found: Tokens) -> str:
     return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))
 
 
-def found_elsewhere(shown: Shown) -> JobResult | None:
+def found_elsewhere(shown: Seen) -> JobResult | None:
     """The chosen feature in the other window, at the pin or in the run that is looked at, as far as it is known."""
     elsewhere = other_moment(shown.page.state, shown.ready.request)
     result = shown.page.results.get("attention.tokens_also")
@@ -128,7 +154,7 @@ def _picture(
     )
 
 
-def _colours(shown: Shown, found: Tokens, basis: Any) -> str:
+def _colours(shown: Seen, found: Tokens, basis: Any) -> str:
     colours = np.rint(basis.colours(found.map) * 255).astype(np.uint8)
     first = basis.coordinates(found.map)[..., 0].reshape(-1)
     query = shown.look.query

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from app.html.controls import choose_pixel, part_words, percent, plain_bar
 from app.html.elements import ON_PICK, escape, panel
 from app.html.units import resolution
 from app.views.inspect.results import AblatedParts
 from app.views.inspect.state import Inspector
+
+if TYPE_CHECKING:
+    from etnet.inspection.anatomy import Anatomy
 
 INSPECTORS: dict[Inspector, tuple[str, str]] = {
     "matters": ("Ablation", "the image without each part"),
@@ -24,7 +29,8 @@ INSPECTORS: dict[Inspector, tuple[str, str]] = {
 }
 NEEDS: dict[Inspector, str] = {
     "matters": "ablation",
-    "search": "intervention",
+    "search": "levels",
+    "events": "gradient",
     "state": "gates",
     "rollout": "rollout",
     "time": "attention",
@@ -84,3 +90,8 @@ def stage_words(name: str) -> str:
         case "skip":
             return part_name(name)
     return name[:1].upper() + name[1:]
+
+
+def level_words(anatomy: Anatomy, level: int) -> str:
+    """A recurrent level by its resolution, or, where levels have none of their own, by its number."""
+    return resolution(level) if anatomy.memory == "ConvLSTM" else f"level {level}"

@@ -167,7 +167,11 @@ def _search(page: Page, found: JobResult) -> dict[str, Asked]:
     from etnet.inspection.asked import Asked
 
     job: Any = found.job
-    return {"trials": Asked("cause", pixel=job.pixel, tolerance=job.tolerance, furthest=FURTHEST)}
+    levels = None if job.level is None else frozenset({job.level})
+    asked = Asked(
+        "cause", pixel=job.pixel, levels=levels, tolerance=job.tolerance, towards=found.value.towards, furthest=FURTHEST
+    )
+    return {"trials": asked}
 
 
 def _rollout(page: Page, found: JobResult) -> dict[str, Asked]:

@@ -64,6 +64,13 @@ def twin_request(slice_: InspectState, request: FrameRequest) -> FrameRequest:
     )
 
 
+def cause_job(slice_: InspectState, request: FrameRequest, query: tuple[int, int]) -> CauseJob:
+    """The causal search as it is set."""
+    level = None if slice_.zeroes == "all" else int(slice_.zeroes)
+    towards = {"any": None, "camera": "camera", "value": slice_.wanted / 100}[slice_.towards]
+    return CauseJob(request, query, slice_.tolerance / 1000, level, towards)  # pyright: ignore[reportArgumentType]
+
+
 def _pixel_study(state: ViewState, asked: FrameRequest) -> Mapping[str, Job]:
     """What is asked about the clicked pixel alone."""
     slice_, query, attention = state.of(InspectState), state.query, state.of(AttentionState)
@@ -75,7 +82,7 @@ def _pixel_study(state: ViewState, asked: FrameRequest) -> Mapping[str, Job]:
         case "sources":
             return {"inspect.sources": SourcesJob(asked.plain, query)}
         case "search":
-            return {"inspect.search": CauseJob(asked.plain, query, slice_.tolerance / 1000)}
+            return {"inspect.search": cause_job(slice_, asked.plain, query)}
         case "rollout":
             return {"inspect.rolled": RolloutJob(asked, query, slice_.discard / 100, slice_.fusion)}
         case "time":

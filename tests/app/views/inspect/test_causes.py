@@ -21,6 +21,7 @@ from app.views.inspect.panel import inspector_html
 from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
 from app.views.view import changing_views
+from etnet.errors import ModelError
 from etnet.events.edit import EventEdit
 from etnet.events.recording import GroundTruth
 from etnet.inspection import causal_search, sources, twin
@@ -29,7 +30,7 @@ from etnet.inspection.rollout import rollout
 from etnet.inspection.through_time import Track, attention_through_time
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
-from etnet.nets.presets import build_model
+from etnet.nets.presets import UNTRAINED, build_model
 from etnet.playback.playback import Playback
 from tests.app.checked_html import Checker
 from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
@@ -99,12 +100,49 @@ def test_the_search_is_the_librarys_and_offers_its_twin(loaded):
     job = CauseJob(request_of(7), QUERY, 0.001)
     found = whole(job, loaded)
     *_, expected = causal_search.search_cause(loaded.playback, 7, QUERY, tolerance=0.001, furthest=64)
-    assert found.trials == expected.trials
+    assert found.search.trials == expected.trials
     moment = Moment("r", POLICY, 7, loaded.playback.recording, loaded.playback.windows)
-    page = Checker(search_html(found, True, 1, moment))
-    if found.changes_at is not None:
-        assert f"inspect:twin:{found.changes_at}:1,2,3" in page.keys
+    page = Checker(search_html(found, True, InspectState(tolerance=1), moment, None, "polarity"))
+    if expected.changes_at is not None:
+        assert f"inspect:twin:{expected.changes_at}:1,2,3" in page.keys
     assert len(page.by_testid("cause")) == 1
+
+
+def searched(loaded, **asked):
+    """The page's own job of a search that is set so, and its answer."""
+    state = ViewState("r", "m", policy=POLICY, index=7, query=QUERY).put(InspectState(opened="search", **asked))
+    job = inspect_jobs(state, request_of(7))["inspect.search"]
+    return state, job, whole(job, loaded)
+
+
+@pytest.mark.parametrize(("zeroes", "levels"), [("all", {1, 2, 3}), ("2", {2})])
+@pytest.mark.parametrize(("towards", "value"), [("any", None), ("value", 0.8)])
+def test_a_search_zeroes_the_levels_and_goes_towards_the_value_that_were_chosen(
+    loaded, zeroes, levels, towards, value
+):
+    state, job, found = searched(loaded, tolerance=1, zeroes=zeroes, towards=towards, wanted=80)
+    *_, expected = causal_search.search_cause(
+        loaded.playback, 7, QUERY, frozenset(levels), 0.001, towards=value, furthest=64
+    )
+    assert found.search == expected
+    network = NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model)
+    page = Checker(inspector_html(page_of(loaded, state, search=(job, found), network=network)))
+    assert "set:inspect.zeroes:2" in page.keys
+    assert len(page.by_testid("entered")) == (expected.entered_at is not None)
+    other = state.put(InspectState(opened="search", tolerance=1, zeroes="3", towards=towards, wanted=80))
+    assert not Checker(inspector_html(page_of(loaded, other, search=(job, found), network=network))).by_testid("cause")
+
+
+def test_a_search_towards_the_camera_takes_its_value_of_the_pixel(loaded):
+    with pytest.raises(ModelError, match="no camera frame at this moment"):
+        searched(loaded, towards="camera")
+    playback = loaded.playback
+    frames = np.random.default_rng(3).random((8, SENSOR.height, SENSOR.width), np.float32)
+    stamps = np.array([window.t_stop for window in playback.windows], np.int64)
+    seen = replace(playback.recording, ground_truth=GroundTruth(stamps, lambda i: frames[i]))
+    again = replace(loaded, playback=Playback(playback.model, seen, playback.windows))
+    *_, found = searched(again, towards="camera")
+    assert found.towards == pytest.approx(float(frames[7][QUERY[1], QUERY[0]]))
 
 
 @pytest.mark.parametrize("once", [False, True])
@@ -131,7 +169,21 @@ def test_the_twin_shows_both_frames_of_the_current_window_and_its_curve_goes_the
     assert any(key.startswith("span:") for key in page.keys)
     assert "state 1/2 zeroed · state 1/4 zeroed · state 1/8 zeroed · once, in window 2" in page.text
     nothing = state.put(InspectState(opened="twin"))
-    assert f"inspect:twin:{INDEX}:1,2,3" in Checker(inspector_html(page_of(loaded, nothing))).keys
+    network = NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model)
+    assert f"inspect:twin:{INDEX}:1,2,3" in Checker(inspector_html(page_of(loaded, nothing, network=network))).keys
+
+
+@pytest.mark.parametrize(
+    ("preset", "offered"),
+    [("tiny", {"1,2,3", "1", "2", "3"}), ("firenet", {"1,2", "1", "2"}), ("leaky-integrator", set())],
+)
+def test_only_levels_that_the_network_has_are_offered_to_be_zeroed(loaded, preset, offered):
+    model = build_model(UNTRAINED.get(preset, preset))
+    state = ViewState(index=INDEX, query=QUERY).put(InspectState(opened="twin"))
+    page = page_of(loaded, state, network=(NetworkPartsJob(request_of(0)), network_parts(model)))
+    keys = Checker(inspector_html(page)).keys
+    prefix = f"inspect:twin:{INDEX}:"
+    assert {key.removeprefix(prefix) for key in keys if key.startswith(prefix)} == offered
 
 
 def test_a_change_is_marked_on_the_timeline_in_every_workspace(loaded):

@@ -85,7 +85,7 @@ def shown_by(inspector, page, found):
         case "sources":
             return {"sources": value.parts}
         case "search":
-            return {"trials": value.trials}
+            return {"trials": value.search.trials}
         case "twin":
             return {"this pixel": value.at(QUERY), "image": value.on_image}
         case "input":
