@@ -35,8 +35,9 @@ _ATTENTION: tuple[tuple[str, str | None, Any], ...] = (
     ("Change: show it changed again", None, ShowOriginal(False)),
     ("Change: reset all", None, ResetAll()),
 )
+_TO_INSPECTORS = ask.ShowWorkspace("inspect"), ask.OpenTab("inspect")
 _INSPECTORS: tuple[tuple[str, str | None, Any], ...] = tuple(
-    (f"Inspector: {title}", None, (ask.ShowWorkspace("inspect"), ask.OpenTab("inspect"), ask.Set("inspect", "opened", name)))
+    (f"Inspector: {title}", None, (*_TO_INSPECTORS, ask.Set("inspect", "opened", name)))
     for name, (title, _) in INSPECTORS.items()
 )
 COMMANDS: tuple[tuple[str, str | None, Any], ...] = (

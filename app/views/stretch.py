@@ -39,9 +39,7 @@ def path_of(
     Raises:
         ModelError: it lies on the sensor in none of them.
     """
-    found: Path = {}
-    for found in paths_of(playback, windows, pixel, anchor, cancelled):
-        pass
+    *_, found = paths_of(playback, windows, pixel, anchor, cancelled)
     inside = {index: place for index, place in sorted(found.items()) if index in windows}
     if not inside:
         raise ModelError("the patch has left the image before these windows; choose it again where it is to be seen")

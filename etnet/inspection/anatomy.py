@@ -13,8 +13,17 @@ from etnet.nets.blocks import ConvGRU
 from etnet.nets.etnet import ETNet
 
 Inspector = Literal[
-    "attention", "atlas", "rollout", "tokens", "hidden", "cell", "gates", "ablation", "intervention", "levels",
-    "gradient"
+    "attention",
+    "atlas",
+    "rollout",
+    "tokens",
+    "hidden",
+    "cell",
+    "gates",
+    "ablation",
+    "intervention",
+    "levels",
+    "gradient",
 ]
 """What can be asked of a network. "attention" covers rows, columns, values, links, and maps through time."""
 

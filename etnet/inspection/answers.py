@@ -134,7 +134,10 @@ def _of_two(asked: Asked, moment: Described, then: Described | None) -> tuple[st
         if asked.quantity == "lpips":
             return (frames, "array = lpips.perceptual_distance(changed.clamp(0, 1), original.clamp(0, 1))")
         apart = "(changed - original)"
-        return (frames, f"array = {apart}[0, 0]" if asked.quantity == "difference" else f"array = {apart}.square().mean()")
+        return (
+            frames,
+            f"array = {apart}[0, 0]" if asked.quantity == "difference" else f"array = {apart}.square().mean()",
+        )
     assert then is not None
     now = call("pins.pin", _PLAYBACK, moment.index, asked.pixel, asked.site, **asked.given("head", "direction"))
     held, other = asked.then, Verbatim("other")

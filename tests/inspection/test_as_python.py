@@ -246,9 +246,7 @@ CASES = [
     ),
     Case(
         Asked("padding", site=SITE, token=TOKEN),
-        lambda p: mass.mass_on(
-            observed(p).rows(SITE, [TOKEN])[:, 0].mean(0), mass.padding_shares(observed(p).grid)
-        ),
+        lambda p: mass.mass_on(observed(p).rows(SITE, [TOKEN])[:, 0].mean(0), mass.padding_shares(observed(p).grid)),
     ),
     Case(
         Asked("without", cut=CUT),
@@ -344,7 +342,9 @@ def test_the_curve_of_a_change_is_that_of_both_playbacks(
 
 
 def test_every_question_is_tried_here():
-    assert {case.asked.what for case in CASES} | {"map_difference", "curve", "apart"} == set(get_args(What)) == set(NEEDED)
+    assert (
+        {case.asked.what for case in CASES} | {"map_difference", "curve", "apart"} == set(get_args(What)) == set(NEEDED)
+    )
 
 
 def test_all_that_decides_the_bits_is_in_ten_lines(files: tuple[str, str]):

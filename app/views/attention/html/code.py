@@ -139,9 +139,7 @@ def _of_map(shown: Shown, now: Described) -> str:
     if apart is not None:
         then = apart.found.then  # as it was computed: of another network, whose first site it may be
         held = OneMap(then.pixel, then.site, then.head, then.direction)
-        asked = Asked(
-            "map_difference", shown.site, pixel=look.query, head=head, direction=look.direction, then=held
-        )
+        asked = Asked("map_difference", shown.site, pixel=look.query, head=head, direction=look.direction, then=held)
         return python_of(now, asked, _moment(shown, apart.pinned.request, apart.contract))
     if shown.uses_values:
         return python_of(now, Asked("value_weighted", shown.site, shown.token, head=head))
@@ -179,7 +177,5 @@ def _of_time(shown: Shown) -> str:
             moment, Asked("masked", shown.site, pixel=query, head=shown.look.head, windows=stretch, until=until)
         )
     near = NEAR if slice_.curve == "mass" else None
-    asked = Asked(
-        "track", shown.site, pixel=query, windows=stretch, quantity=slice_.curve, near=near, until=until
-    )
+    asked = Asked("track", shown.site, pixel=query, windows=stretch, quantity=slice_.curve, near=near, until=until)
     return python_of(moment, asked)

@@ -12,8 +12,8 @@ from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
-from app.html.attention.not_maps import not_icon
 from app.html.attention.maps import gathered, rows_of, site_in
+from app.html.attention.not_maps import not_icon
 from app.html.controls import under_way
 from app.html.elements import empty
 from app.html.moment import ARRAYS

@@ -85,7 +85,9 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
             if shown.is_lost:
                 words = f"{words} has left the image: this is where it was chosen"
             followed = f'<div class="et-note" data-testid="followed">Followed: {words}.</div>'
-    return f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{followed}{token}{_row('Compare with', compare)}{''.join(pins)}"
+    return (
+        f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{followed}{token}{_row('Compare with', compare)}{''.join(pins)}"
+    )
 
 
 def _map(slice_: AttentionState) -> str:
@@ -187,7 +189,11 @@ def _matters(shown: Shown) -> str:
     largest = max((abs(here) for _, here, _ in measured if here is not None), default=0.0)
     rows = "".join(
         f'<span class="et-note">{words}</span><span class="et-measure" data-testid="matters">'
-        + ("<i></i><b>…</b>" if here is None else f"{plain_bar(abs(here), largest)}<b>{percent(abs(here), is_signed=False)}</b>")
+        + (
+            "<i></i><b>…</b>"
+            if here is None
+            else f"{plain_bar(abs(here), largest)}<b>{percent(abs(here), is_signed=False)}</b>"
+        )
         + "</span>"
         for words, here, _ in measured
     )

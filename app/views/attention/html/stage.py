@@ -7,7 +7,6 @@ import numpy as np
 from app.html.attention.changed import changed_at, site_name
 from app.html.attention.difference import difference_tokens
 from app.html.attention.keep import kept, kept_words
-from app.html.attention.not_maps import explained_html
 from app.html.attention.maps import (
     Site,
     base_url,
@@ -19,6 +18,7 @@ from app.html.attention.maps import (
     tokens_of,
     tokens_words,
 )
+from app.html.attention.not_maps import explained_html
 from app.html.card import icon_button
 from app.html.elements import chip, escape, panel, picture
 from app.html.moment import PICTURES
@@ -34,6 +34,7 @@ from app.views.reconstruction.state import tones_of
 from etnet.render.attention import times_uniform
 from etnet.render.encode import data_url
 from etnet.render.tone import tone_map
+
 
 def stage_html(page: Page) -> tuple[str, str, str, str]:
     """Title, note, tools and body of the card."""
@@ -130,9 +131,10 @@ def _map(shown: Shown) -> str:
         left = f"received {float(row.sum()):.2f} × uniform"
     peak = int(row.argmax())
     at = divmod(peak, shown.grid.columns)
+    most = f"peak {significant(times_uniform(row)[peak])} × uniform at token {at[1]}, {at[0]}"
     right = (
         f'<span class="et-chip" data-etv-readout><span data-testid="peak" data-token="{peak}"'
-        f' data-weight="{row[peak]:.7g}">peak {significant(times_uniform(row)[peak])} × uniform at token {at[1]}, {at[0]}</span>'
+        f' data-weight="{row[peak]:.7g}">{most}</span>'
         "</span>"
     )
     badge = f'<span class="et-chip et-exact" data-testid="reads">{escape(left)}</span>'

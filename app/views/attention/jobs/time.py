@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from etnet.inspection.pins import Pin
     from etnet.nets.runtime import Contract
 
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
     """A quantity of one site window by window, for each head."""

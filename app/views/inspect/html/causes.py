@@ -131,7 +131,8 @@ def _asked(slice_: InspectState, anatomy: Anatomy | None) -> str:
         choices += buttons(
             "Zero the state of",
             "".join(
-                button(said, f"set:inspect.zeroes:{which}", is_on=which == slice_.zeroes) for which, said in words.items()
+                button(said, f"set:inspect.zeroes:{which}", is_on=which == slice_.zeroes)
+                for which, said in words.items()
             ),
         )
     towards = {"any": "anything else", "camera": "as the camera saw it", "value": f"{slice_.wanted} %"}
@@ -211,7 +212,8 @@ def _nothing_changed(moment: Moment, anatomy: Anatomy | None) -> str:
         return '<div class="et-note">Nothing is changed.</div>'
     levels = anatomy.levels
     if not levels:
-        return '<div class="et-note">Nothing is changed. Change its events under Intervention; this network names no state that could be zeroed.</div>'
+        lead = "Nothing is changed. Change its events under Intervention: this network names no state to be zeroed."
+        return f'<div class="et-note">{lead}</div>'
     words = {",".join(map(str, levels)): "all levels"} if len(levels) > 1 else {}
     words |= {str(level): level_words(anatomy, level) for level in levels}
     zero = "".join(button(said, f"inspect:twin:{moment.index}:{which}") for which, said in words.items())

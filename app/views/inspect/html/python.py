@@ -63,9 +63,7 @@ def snippet(page: Page, found: JobResult, name: str = "") -> str:
     assert page.moment is not None
     assert page.ready is not None
     try:
-        return python_of(
-            described(page.moment, request, page.ready.contract, named(page, request.model_id)), asked
-        )
+        return python_of(described(page.moment, request, page.ready.contract, named(page, request.model_id)), asked)
     except EtnetError as error:
         return f"# {error}"
 

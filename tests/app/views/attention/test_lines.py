@@ -11,16 +11,20 @@ from app.engine.jobs import JobResult
 from app.engine.playbacks import LoadedPlayback, Pace
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
+from app.state import intents as ask
 from app.state.run import Run
+from app.state.view_state import Limits
 from app.views.attention.html.code import code_block, row_text, snippet
 from app.views.attention.html.dots import table_of
 from app.views.attention.html.pins import difference_of, pin_words
 from app.views.attention.html.shown import shown_of
 from app.views.attention.html.side import waste_of
+from app.views.attention.html.stage import stage_html
 from app.views.attention.jobs.attention import attention_jobs
-from app.views.attention.state import AttentionState, PinnedMap
+from app.views.attention.state import AttentionState, PinnedMap, reduce_attention
 from app.views.compare.state import CompareState
 from app.views.page import Choice, Page
+from app.views.view import Here
 from etnet.events.open import open_recording
 from etnet.inspection import follow
 from etnet.nets.intervention import Intervention
@@ -29,6 +33,7 @@ from etnet.nets.runtime import contract_of
 from etnet.nets.weights import load_model, save_weights
 from etnet.playback.playback import Playback
 from etnet.windows import plan_windows
+from tests.app.checked_html import map_values
 from tests.app.small_loaded import POLICY, QUERY, SITE, opened_in, request_of, whole
 from tests.app.views.attention.small_page import INDEX, STATE, ready_of
 
@@ -144,6 +149,16 @@ def test_the_lines_of_two_networks_name_each_by_its_file_and_in_its_precision(op
     assert apart.contract.runtime.precision == "bf16"
     assert np.array_equal(made_by(shown), apart.found.log_ratio)
     assert "window 2 · other ·" in pin_words(shown.page, pinned)
+    html = stage_html(shown.page)[3]  # network A − network B, with both frames below
+    assert np.allclose(map_values(html)[0], apart.found.log_ratio, atol=1e-6)
+    assert "</b> window 5 · tiny" in html
+    assert "</b> window 2 · other" in html
+
+
+def test_pins_outlive_a_change_of_the_network():
+    held = AttentionState(site=SITE, compare="a", pin_a=PINNED, pin_b=PINNED)
+    after = reduce_attention(held, ask.ChooseModel("other"), Here(STATE, Limits()))
+    assert (after.pin_a, after.pin_b, after.compare) == (PINNED, PINNED, "a")
 
 
 @pytest.mark.parametrize("also", ["a", "run 1"])
@@ -183,7 +198,9 @@ def test_the_lines_of_sinks_and_padding_give_what_is_told(opened):
     assert float(made_by(shown)) == on_padding
 
 
-@pytest.mark.parametrize("what", [{"video": VideoShown(FilmSetting(), 0.0, 1.0, None, False)}, {"is_live": True}, {"file_name": ""}])
+@pytest.mark.parametrize(
+    "what", [{"video": VideoShown(FilmSetting(), 0.0, 1.0, None, False)}, {"is_live": True}, {"file_name": ""}]
+)
 def test_what_python_cannot_open_has_no_lines_but_a_sentence(opened, what):
     shown = shown_by(opened, AttentionState(site=SITE, over="python"))
     html = code_block(replace(shown, page=replace(shown.page, **what)))

@@ -15,8 +15,8 @@ from app.html.attention.maps import attention_image, level_of, map_legend, rows_
 from app.html.controls import percent
 from app.html.tones import Tones
 from app.state.view_state import ViewState
-from app.views.attention.html.code import row_text
 from app.views.attention.html.atlas import atlas_html
+from app.views.attention.html.code import row_text
 from app.views.attention.html.shelf import heads_html, time_html
 from app.views.attention.html.shown import shown_of
 from app.views.attention.html.side import side_html
@@ -109,12 +109,20 @@ def test_the_largest_over_heads_is_not_said_to_be_received(page_of):
         html = stage_html(page_of(slice_))[3]
         assert ("received " in html.replace("received)", "")) == is_received
         assert ("token by token" in html) == (not is_received)
-    assert "received " in stage_html(page_of(AttentionState(site=SITE, direction="attended by", gather="max", head=1)))[3]
+    assert (
+        "received " in stage_html(page_of(AttentionState(site=SITE, direction="attended by", gather="max", head=1)))[3]
+    )
 
 
 def test_what_maps_are_not_is_one_click_from_every_card(page_of):
     page = page_of(AttentionState(site=SITE))
-    for html in (stage_html(page)[2], atlas_html(page)[1], heads_html(page)[1], tokens_html(page)[2], time_html(page)[1]):
+    for html in (
+        stage_html(page)[2],
+        atlas_html(page)[1],
+        heads_html(page)[1],
+        tokens_html(page)[2],
+        time_html(page)[1],
+    ):
         assert "set:attention.over:not" in Checker(html).keys
     assert len(Checker(stage_html(page_of(AttentionState(site=SITE, over="not")))[3]).by_testid("not")) == 1
 
@@ -176,7 +184,9 @@ def test_a_switch_that_cannot_act_says_why(page_of):
     assert "front view" not in side_html(page_of())
     off = side_html(page_of(state=STATE.put(SceneState(shows_events=False))))
     assert "Events are off in the event cloud, so nothing stands behind the image." in off
-    pressed = [attrs for _, attrs in Checker(off).tags if attrs.get("data-k", "").startswith("set:attention.shows_planes")]
+    pressed = [
+        attrs for _, attrs in Checker(off).tags if attrs.get("data-k", "").startswith("set:attention.shows_planes")
+    ]
     assert [attrs["aria-pressed"] for attrs in pressed] == ["false", "false"]
     assert "To mask one head, choose it" in side_html(page_of())
     assert "Mask head 1" in side_html(page_of(AttentionState(site=SITE, head=1)))

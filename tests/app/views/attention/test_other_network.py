@@ -96,7 +96,9 @@ def test_the_page_shows_the_first_site_and_says_so(page, first):
     assert (shown.site, shown.look.head) == (first, None)
     assert shown.result("site", site=FOREIGN) is not None
     text = " ".join(stage_html(page))
-    assert f"tiny has no site {FOREIGN}, so its first one is shown; it has no head {HEAD}, so all heads are shown." in text
+    assert (
+        f"tiny has no site {FOREIGN}, so its first one is shown; it has no head {HEAD}, so all heads are shown." in text
+    )
     own = replace(page, state=STATE.put(AttentionState(site=SITE, head=1)))
     assert 'data-testid="instead"' not in " ".join(stage_html(own))
 

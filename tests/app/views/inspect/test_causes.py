@@ -117,9 +117,7 @@ def searched(loaded, **asked):
 
 @pytest.mark.parametrize(("zeroes", "levels"), [("all", {1, 2, 3}), ("2", {2})])
 @pytest.mark.parametrize(("towards", "value"), [("any", None), ("value", 0.8)])
-def test_a_search_zeroes_the_levels_and_goes_towards_the_value_that_were_chosen(
-    loaded, zeroes, levels, towards, value
-):
+def test_a_search_zeroes_the_levels_and_goes_towards_the_value_that_were_chosen(loaded, zeroes, levels, towards, value):
     state, job, found = searched(loaded, tolerance=1, zeroes=zeroes, towards=towards, wanted=80)
     *_, expected = causal_search.search_cause(
         loaded.playback, 7, QUERY, frozenset(levels), 0.001, towards=value, furthest=64
