@@ -33,7 +33,10 @@ def opened(tmp_path_factory):
     return opened_in(tmp_path_factory.mktemp("moment"))
 
 
-def page_of(opened, inspector, attention=AttentionState(site=SITE, head=1), index=INDEX):
+CHOSEN = AttentionState(site=SITE, head=1)
+
+
+def page_of(opened, inspector, attention=CHOSEN, index=INDEX):
     """A page with all that the inspector asks for, and the result that it is about."""
     loaded, file, weights = opened
     change = Change(ZEROED, since=3) if inspector in ("change", "twin") else Change()
