@@ -15,7 +15,7 @@ from app.html.chart import Line, chart
 from app.html.controls import percent, under_way
 from app.html.elements import escape, panel
 from app.html.units import of_whole
-from app.views.attention.html.atlas import effect_words, effects_of
+from app.views.attention.html.atlas import effect_words, measured_of
 from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.jobs.time import Curve
 from app.views.attention.state import AttentionState, Quantity
@@ -30,7 +30,7 @@ def heads_html(page: Page) -> tuple[str, str, str]:
     shown, tools = shown_of(page), not_button(page.state.of(AttentionState))
     if shown is None:
         return "", tools, panel("site-heads", missing(page, is_brief=True))
-    effects = effects_of(shown).get(shown.site)
+    effects = measured_of(shown).get(shown.site)
     cells: list[tuple[float, str]] = []
     for head, row in enumerate(shown.rows()):
         bits, pixels = map_facts(shown.attention, row, shown.look.query)
@@ -41,14 +41,16 @@ def heads_html(page: Page) -> tuple[str, str, str]:
         muted = (shown.site, head) in shown.ready.request.intervention.masked_heads
         title = f"{bits:.2f} bits, mean distance {pixels:.0f} px"
         label = f'<span class="et-label" title="{title}"><b>{head}</b><span>{effect}</span></span>'
-        place = {"network": head, "effect": -abs(value), "entropy": bits, "distance": -pixels}[shown.look.order]
+        places = {"network": head, "effect": -abs(value), "image": -abs(value), "entropy": bits, "distance": -pixels}
+        place = places[shown.look.order]
         mark += " et-muted" if muted else ""
         cell = f'<div class="et-thumb{mark}" data-testid="head-{head}">{map_}{label}</div>'
         cells.append((float("inf") if np.isnan(place) else float(place), cell))
     in_order = "".join(cell for _, cell in sorted(cells, key=lambda cell: cell[0]))
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
     body = f'<div class="et-heads et-row-of-heads">{in_order}</div>'
-    return "effect on this pixel when masked", tools, panel("site-heads", body, style=style)
+    where = "image" if shown.look.order == "image" else "pixel"
+    return f"effect on this {where} when masked", tools, panel("site-heads", body, style=style)
 
 
 def time_html(page: Page) -> tuple[str, str, str]:

@@ -144,7 +144,14 @@ def test_a_search_towards_the_camera_takes_its_value_of_the_pixel(loaded):
 
 
 @pytest.mark.parametrize("once", [False, True])
-@pytest.mark.parametrize("change", [{"intervention": ZEROED}, {"edit": EventEdit(drop=0.5, seed=1)}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"intervention": ZEROED},
+        {"edit": EventEdit(drop=0.5, seed=1)},
+        {"intervention": Intervention(masked_heads=frozenset({(SITE, 1)}))},  # it changes the decoding alone
+    ],
+)
 def test_a_twin_is_two_runs_in_step(loaded, once, change):
     found = whole(TwinJob(request_of(2, since=2, once=once, **change)), loaded)
     other = twin.changed(loaded.playback, 2, once=once, **change)
