@@ -292,11 +292,11 @@ def hear(words: str) -> Any:
 
 def _pin_heard(words: str) -> PinMap | None:
     """ "a", or "a:20,9" of a pixel that is not the chosen one."""
-    slot, _, pixel = words.partition(":")
-    if slot not in get_args(Pin):
+    slot, *pixel = words.split(":")
+    x, _, y = pixel[0].partition(",") if len(pixel) == 1 else ("", "", "")
+    is_pixel = x.isdecimal() and y.isdecimal() and len(x) < 6 and len(y) < 6
+    if slot not in get_args(Pin) or (pixel and not is_pixel):
         return None
-    x, _, y = pixel.partition(",")
-    is_pixel = x.isdecimal() and y.isdecimal() and len(pixel) < 14
     return PinMap(cast("Pin", slot), (int(x), int(y)) if is_pixel else None)
 
 

@@ -68,8 +68,8 @@ def _asked(page: Page) -> tuple[object, ...]:
 
 def inspector_html(page: Page) -> str:
     """The open inspector with its lines of Python, or what to do; a sentence where a network has nothing for it."""
-    inside = page.state.of(InspectState)
-    if page.moment is None:
+    inside, moment = page.state.of(InspectState), page.moment
+    if moment is None:
         return panel("inside-empty", empty("No recording", page.trouble or "Choose one in the bar."))
     # An answer stays until the next one has come; that of a former network would stand under the new one's name.
     page = replace(page, results={slot: held for slot, held in page.results.items() if page.is_about(held.job.request)})
@@ -92,7 +92,7 @@ def inspector_html(page: Page) -> str:
         head += panel("not-maps", explained_html())
     if said := lacks.get(NEEDS.get(inside.opened, ""), ""):
         return head + panel("lacking", empty("Nothing to show", f"{said}."))
-    return head + note + _opened(page, page.moment) + code_of(page)
+    return head + note + _opened(page, moment) + code_of(page)
 
 
 def _lacks(page: Page) -> dict[str, str]:

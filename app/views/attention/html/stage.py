@@ -126,7 +126,7 @@ def _map(shown: Shown) -> str:
         kept = kept_words(row, shown.look.keep)
         left = f"attends to {reads} · {kept or f'{tokens_words(row)} effective tokens of {num}'}"
     elif shown.look.head is None and shown.look.gather != "mean":
-        left = f"{shown.look.gather} over heads, token by token"  # its sum says nothing of what is received
+        left = f"{shown.look.gather} of the heads, token by token"  # its sum says nothing of what is received
     else:
         left = f"received {float(row.sum()):.2f} × uniform"
     peak = int(row.argmax())

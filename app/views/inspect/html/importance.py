@@ -65,7 +65,7 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     alike = float(np.minimum(raw, handed).sum())
     said = (
         f"{site_words(name, attention.sites)}. The two maps share {of_whole(alike)} of their weight; "
-        "where α is the larger, little is handed over for it; where ‖αvW_O‖ is, much."
+        "where α is the larger, what arrives is small; where ‖αvW_O‖ is, it is large."
     )
     style = f"--n:{grid.columns};--base:url({base})"
     return panel(

@@ -227,7 +227,7 @@ _MADE: dict[str, Callable[[Page, JobResult], dict[str, Asked]]] = {
     "rollout": _rollout,
     "time": _time,
     "sources": _one("sources", lambda page, value: {"what": "sources", "pixel": value.pixel}),
-    "input": _one("input", lambda page, value: {"what": "voxel"}),
+    "input": _one("voxel", lambda page, value: {"what": "voxel"}),
     "state": _one(
         "channels",
         lambda page, value: {"what": "gates", "level": value.level, "quantity": value.plane},

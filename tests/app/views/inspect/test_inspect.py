@@ -360,7 +360,7 @@ def test_in_a_drag_an_open_inspector_stands_still_and_says_so(loaded, moment):
     job = parts.AblatedPartsJob(request_of(5).plain)
     state = ViewState(index=5, query=QUERY)
     page = page_of(state, moment, None, ablated=(job, whole(job, loaded)))
-    panel = InspectPanel()
+    state, panel = page.state, InspectPanel()
     panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
     panel.show_settings(page)
     for index in (6, 7):
