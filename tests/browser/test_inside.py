@@ -155,10 +155,8 @@ def test_every_site_of_the_atlas_lies_within_its_card_without_scrolling(browser,
     to_attention(page)
     page.locator("[data-etv-site]").nth(20).wait_for()
     for order in ("network", "entropy"):
-        click(page, f"set:attention.order:{order}")
-        page.wait_for_function(
-            "order => !!document.querySelector(`[data-k='set:attention.order:${order}'].etv-on`)", arg=order
-        )
+        page.get_by_label("Order").select_option(order)
+        page.locator(".et-atlas.et-sorted" if order == "entropy" else ".et-atlas:not(.et-sorted)").wait_for()
         outside = page.evaluate("""() => {
             const card = document.querySelector("[data-card='attention.atlas']").getBoundingClientRect();
             const boxes = [...document.querySelectorAll("[data-etv-site]")].map((each) => each.getBoundingClientRect());

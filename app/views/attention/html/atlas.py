@@ -17,7 +17,7 @@ from app.html.attention.maps import (
     site_words,
     tokens_words,
 )
-from app.html.card import icon_button, segmented
+from app.html.card import icon_button, select
 from app.html.controls import button, percent
 from app.html.elements import ON_PICK, escape, panel
 from app.html.moment import PICTURES
@@ -34,8 +34,12 @@ _ALIKE_WORDS = "Every site attends to all tokens almost alike here: its attentio
 LOUD = 0.25
 """Of the strongest head's effect: from there on a bar is drawn in the accent."""
 _ORDERS: dict[Order, str] = {
-    "network": "network", "effect": "effect", "image": "on image", "entropy": "entropy", "distance": "distance",
-}  # fmt: skip
+    "network": "in network order",
+    "effect": "by effect on pixel",
+    "image": "by effect on image",
+    "entropy": "by entropy",
+    "distance": "by distance",
+}
 
 
 def atlas_html(page: Page) -> tuple[str, str, str]:
@@ -72,7 +76,7 @@ def _largest(effects: dict[str, np.ndarray]) -> float:
 
 def _tools(slice_: AttentionState) -> str:
     """The order of maps, or the plot; and back from a part of the atlas to all of it."""
-    words = {f"set:attention.order:{name}": said for name, said in _ORDERS.items()}
+    words = {str(name): said for name, said in _ORDERS.items()}
     narrow = button("all sites", "set:attention.only:") if slice_.only and not slice_.shows_dots else ""
     dots = icon_button(
         f"set:attention.shows_dots:{not slice_.shows_dots}",
@@ -80,7 +84,7 @@ def _tools(slice_: AttentionState) -> str:
         "All heads as dots: entropy by distance",
         is_on=slice_.shows_dots,
     )
-    order = "" if slice_.shows_dots else segmented("Order", words, f"set:attention.order:{slice_.order}")
+    order = "" if slice_.shows_dots else select("Order", "set:attention.order", words, slice_.order)
     return narrow + order + dots + not_button(slice_)
 
 

@@ -57,10 +57,7 @@ def time_html(page: Page) -> tuple[str, str, str]:
     """Note, tools and body of the card of the site over time."""
     slice_ = page.state.of(AttentionState)
     quantities = {f"set:attention.curve:{name}": words for name, words in QUANTITIES.items()}
-    toggle = f"set:attention.follows:{not slice_.follows}"
-    tools = segmented("Quantity", quantities, f"set:attention.curve:{slice_.curve}") + segmented(
-        "Follow the patch along its events", {toggle: "follow the patch"}, toggle if slice_.follows else ""
-    )
+    tools = segmented("Quantity", quantities, f"set:attention.curve:{slice_.curve}")
     tools += not_button(slice_)
     shown = shown_of(page)
     if shown is None:

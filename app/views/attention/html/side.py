@@ -75,7 +75,8 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
     if not pins:
         why = "The pin on the map keeps it with its moment and network"
         compare = f'<span class="et-note" title="{why}">nothing pinned</span>'
-    followed = ""
+    follows = {"set:attention.follows:False": "the pixel", "set:attention.follows:True": "the patch under it"}
+    followed = _row("Stay on", segmented("Stay on", follows, f"set:attention.follows:{slice_.follows}"))
     if shown is not None:
         query = shown.look.query
         anchor = slice_.anchored(page.state.index)
@@ -84,9 +85,9 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
             words = f"the patch that lies at {x}, {y} in window {count(anchor)}"
             if shown.is_lost:
                 words = f"{words} has left the image: this is where it was chosen"
-            followed = f'<div class="et-note" data-testid="followed">Followed: {words}.</div>'
+            followed += f'<div class="et-note" data-testid="followed">Followed: {words}.</div>'
     return (
-        f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{followed}{token}{_row('Compare with', compare)}{''.join(pins)}"
+        f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{token}{followed}{_row('Compare with', compare)}{''.join(pins)}"
     )
 
 

@@ -124,7 +124,7 @@ def followed_html(
         "followed",
         f'<div class="et-note">{escape(lead)}</div><div class="et-chips">{follows}</div>',
         _kymograph(followed, (job, num, look.keep), times, place, look.keep),
-        '<div class="et-caption"><span>left edge of the image</span><span>the pixel’s row of tokens</span>'
+        '<div class="et-caption"><span>left edge</span><span>the pixel’s row of tokens</span>'
         "<span>right edge</span></div>",
         legend("attention, × uniform", css_gradient(sequential()), ticks),
         _kept(followed, look.keep),
