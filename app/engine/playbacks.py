@@ -371,7 +371,9 @@ def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
     from etnet.nets.weights import load_model
 
     if isinstance(entry.source, Path) and entry.source.suffix == ".py":
-        return load_own(entry.source)
+        network = load_own(entry.source)
+        network.name = entry.title  # one name, in the list and in every inspector
+        return network
     return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
 
 

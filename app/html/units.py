@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from app.html.moment import NUM_BINS
 from etnet.windows import BetweenFrames, ByActivity, ByCount, ByCountOrDuration, ByDensity, ByDuration, ByStamps, Policy
 
@@ -12,12 +14,19 @@ def count(number: int) -> str:
 
 
 def short(value: float) -> str:
-    """Three significant digits without an exponent where it is readable: 0.035, 1.49, 12,300."""
-    if value == 0:
-        return "0"
+    """Three significant digits, two of what is below 0.001, and never an exponent: 0.035, 1.49, 12,300, 0.00023."""
     if abs(value) >= 1000:
         return f"{value:,.0f}"
-    return f"{value:.3g}" if abs(value) >= 1e-3 else f"{value:.1e}"
+    return significant(value, 3 if abs(value) >= 1e-3 else 2)
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """So many significant digits and never an exponent; more of a number that has more before its point: 1234."""
+    if value == 0 or not math.isfinite(value):
+        return "0" if value == 0 else str(value)
+    places = digits - 1 - math.floor(math.log10(abs(value)))
+    text = f"{value:.{max(places, 0)}f}"
+    return text.rstrip("0").rstrip(".") if places > 0 else text
 
 
 def of_whole(share: float, digits: int = 0) -> str:
@@ -45,7 +54,7 @@ def rate(events_per_second: float) -> str:
     """640 kev/s."""
     for size, name in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if events_per_second >= size:
-            return f"{events_per_second / size:.3g} {name}ev/s"
+            return f"{significant(events_per_second / size)} {name}ev/s"
     return f"{events_per_second:.0f} ev/s"
 
 
@@ -64,7 +73,7 @@ def policy(chosen: Policy) -> str:
         case ByCountOrDuration(num_events, duration):
             return f"every {count(num_events)} events, at the latest after {milliseconds(duration / 1000)}"
         case ByActivity(active_pixels):
-            return f"each time {active_pixels:.3g} of the pixels have had an event"
+            return f"each time {significant(active_pixels)} of the pixels have had an event"
         case ByStamps(stamps):
             return f"up to {count(len(stamps))} given moments"
 

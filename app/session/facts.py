@@ -92,7 +92,9 @@ class KnownFacts:
                 Choice(entry.id, entry.title, entry.subtitle, catalogue.facts(entry), catalogue.is_film(entry.id))
                 for entry in catalogue.entries()
             ),
-            models=tuple(Choice(entry.id, entry.title, entry.subtitle) for entry in catalogue.models()),
+            models=tuple(
+                Choice(entry.id, entry.title, entry.subtitle, source=source_of(entry)) for entry in catalogue.models()
+            ),
             growing=catalogue.growing(),
             video=catalogue.film(state.recording_id),
             file_name=catalogue.file_name(state.recording_id),
@@ -105,13 +107,17 @@ class KnownFacts:
 
 def facts_of(entry: ModelEntry) -> ModelFacts:
     """Name, trained band, card, tone, and what the command line calls it."""
-    source = entry.source if isinstance(entry.source, str) else entry.source.name
     return ModelFacts(
         entry.title,
         entry.trained_band,
         entry.card,
         entry.is_linear_light,
-        source,
+        source_of(entry),
         entry.architecture,
         entry.is_untrained,
     )
+
+
+def source_of(entry: ModelEntry) -> str:
+    """What the command line calls a network: a bundled one's name, or its file's, never where that lies."""
+    return entry.source if isinstance(entry.source, str) else entry.source.name

@@ -11,7 +11,7 @@ import viser
 from app.html.assets import page_folder
 from app.html.elements import segmented
 from app.session.channel import AskHelp, open_channel
-from app.state import intents as ask
+from app.session.commands import PUBLIC_COMMANDS, commands_of
 from app.state.view_state import ViewState, Workspace
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
@@ -24,28 +24,6 @@ INSPECTOR_WIDTH: dict[Workspace, int] = {
     "inspect": 356, "attention": 356, "compare": 356, "recording": 420, "demo": 356,
 }  # fmt: skip
 """CSS pixels of the right column."""
-PUBLIC_COMMANDS = (
-    Command("Play or pause", "space", ask.TogglePlay()),
-    Command("Play or pause ", "K", ask.TogglePlay()),
-    Command("Previous window", "J", ask.Move(-1)),
-    Command("Next window", "L", ask.Move(1)),
-    Command("Back 10 windows", "pageup", ask.Move(-10)),
-    Command("Forward 10 windows", "pagedown", ask.Move(10)),
-    Command("First window", "home", ask.Seek(0)),
-    Command("Last window", "end", ask.Seek(10**9)),
-)
-"""Through time; in public nothing else has a key of viser's."""
-COMMANDS = (
-    *PUBLIC_COMMANDS,
-    Command("Mark A here", "I", ask.MarkHere("a")),
-    Command("Mark B here", "O", ask.MarkHere("b")),
-    Command("Clear marks", "U", ask.ClearMarks()),
-    Command("Workspace: Inspect", "1", ask.ShowWorkspace("inspect")),
-    Command("Workspace: Attention", "2", ask.ShowWorkspace("attention")),
-    Command("Workspace: Compare", "3", ask.ShowWorkspace("compare")),
-    Command("Workspace: Recording", "4", ask.ShowWorkspace("recording")),
-    Command("Workspace: Demo", "5", ask.ShowWorkspace("demo")),
-)
 
 
 @dataclass(slots=True)
@@ -187,11 +165,6 @@ def close_modal(modal: GuiModalHandle | None) -> None:
         modal.close()
 
 
-def commands_of(views: Sequence[View]) -> tuple[Command, ...]:
-    """All commands of a page that is not public: its own, and what its views add."""
-    return *COMMANDS, *(command for view in views for command in view.commands)
-
-
 def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None], commands: Sequence[Command]) -> None:
     for each in (*commands, Command("Shortcuts and glossary", None, AskHelp())):
         intent, command = each.intent, gui.add_command(each.label, hotkey=each.key)  # pyright: ignore[reportArgumentType]  a key of viser's list
@@ -199,7 +172,8 @@ def _add_commands(gui: viser.GuiApi, dispatch: Callable[[Any], None], commands: 
         def speak(intent: Any = intent) -> Callable[[viser.CommandEvent], object]:
             async def heard(event: viser.CommandEvent) -> None:
                 if event.client is not None:
-                    dispatch(intent)
+                    for each in intent if isinstance(intent, tuple) else (intent,):
+                        dispatch(each)
 
             return heard
 

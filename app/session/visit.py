@@ -14,6 +14,7 @@ from app.catalogue.recording_id import listed_id
 from app.catalogue.recordings import CatalogueError
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.downloads import Download, Downloaded
+from app.engine.network_parts import NetworkParts
 from app.session.booth import Booth
 from app.session.channel import AskHelp, Copied, FollowLink
 from app.session.demo import DemoScript, Throttle, intents_of, may_ask, public_moment
@@ -121,6 +122,8 @@ class Visit:
         if (kept := self._booth.kept(news)) is not None:
             return kept
         made = news.result.value
+        if isinstance(made, NetworkParts):
+            return (ask.NetworkKnown(made.anatomy.sites, made.anatomy.num_heads),)
         if not isinstance(made, Download):
             return ()
         self._client.send_file_download(made.name, made.content, save_immediately=True)

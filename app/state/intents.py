@@ -200,6 +200,24 @@ class QueryFraction:
 
 
 @dataclass(frozen=True, slots=True)
+class MoveQuery:
+    """Move the chosen pixel by (x, y) pixels, as far as the sensor reaches."""
+
+    x: int
+    y: int
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkKnown:
+    """What the chosen network has, told by the answer of a job: its attention sites in order, and heads of a site."""
+
+    pauses: ClassVar[bool] = False
+
+    sites: tuple[str, ...]
+    num_heads: int
+
+
+@dataclass(frozen=True, slots=True)
 class FormChanged:
     """A form that its own widgets keep has changed; the page is drawn again around it."""
 

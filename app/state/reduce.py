@@ -173,6 +173,10 @@ def _reduce_page(state: ViewState, intent: Any, limits: Limits) -> ViewState | N
     match intent:
         case ask.Query(x, y):
             return _queried(state, x, y, limits)
+        case ask.MoveQuery(x, y):
+            if state.query is None:
+                return state
+            return _queried(state, state.query[0] + x, state.query[1] + y, limits)
         case ask.QueryFraction(x, y):
             if limits.sensor is None or not (math.isfinite(x) and math.isfinite(y)):
                 return state

@@ -30,6 +30,8 @@ class Choice:
     """What it is, as far as that is known: sensor, duration, format."""
     is_film: bool = False
     """Whether it is a video, of which an event sensor's view is simulated."""
+    source: str = ""
+    """Of a network: what the command line calls it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +130,14 @@ class Page:
     """The address by which others reach this server; empty where only this machine does."""
     over_timeline: str = ""
     """SVG that open views draw over the timeline."""
+
+    def is_about(self, request: FrameRequest) -> bool:
+        """Whether an answer is about the recording, network, windows and filter that are open, at whichever window."""
+        moment, state = self.moment, self.state
+        if moment is None:
+            return False
+        opened = moment.recording_id, state.model_id, state.precision, moment.policy, moment.cleaning
+        return request.playback[: len(opened)] == opened
 
     @property
     def missed(self) -> int | None:

@@ -65,6 +65,7 @@ class Command:
     label: str
     key: str | None
     intent: Any
+    """What it asks for; several in a row are a tuple."""
 
 
 class Reducer(Protocol):

@@ -6,13 +6,24 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from etnet.errors import ModelError
+from etnet.nets.abilities import abilities_of, lacking
 from etnet.nets.adapter import Adapter
 from etnet.nets.base import Reconstructor
-from etnet.nets.blocks import ConvGRU, RecurrentLevel
+from etnet.nets.blocks import ConvGRU
 from etnet.nets.etnet import ETNet
 
 Inspector = Literal[
-    "attention", "atlas", "rollout", "tokens", "hidden", "cell", "gates", "ablation", "intervention", "gradient"
+    "attention",
+    "atlas",
+    "rollout",
+    "tokens",
+    "hidden",
+    "cell",
+    "gates",
+    "ablation",
+    "intervention",
+    "levels",
+    "gradient",
 ]
 """What can be asked of a network. "attention" covers rows, columns, values, links, and maps through time."""
 
@@ -36,7 +47,7 @@ class Anatomy:
     memory: Literal["ConvLSTM", "ConvGRU", "unknown"] = "unknown"
     is_split: bool = True
     """Whether `decode` is apart from the recurrent part, so that a kept state gives its frame with no replay."""
-    gradients: Literal["yes", "unknown"] = "yes"
+    gradients: Literal["yes", "no", "unknown"] = "yes"
     """Whether a gradient comes back from the frame; of somebody's own function only the attempt tells."""
 
     def site(self, wanted: str) -> str:
@@ -54,20 +65,21 @@ class Anatomy:
 
 
 def anatomy_of(model: Reconstructor) -> Anatomy:
-    """The parts of `model`; of a network of another make only what can be seen from outside."""
+    """The parts of `model`, by what it declares (`etnet.nets.abilities`) and, of our own, how they are laid out."""
     whole: Any = model
-    name = str(model.name)
-    if isinstance(model, Adapter):
-        return Anatomy(name, is_split=False, gradients="unknown")
-    lstm = [block for block in getattr(whole, "backbone", ()) if isinstance(block, RecurrentLevel)]
-    gru = [block for block in getattr(whole, "memories", ()) if isinstance(block, ConvGRU)]
-    # A network of another make may declare levels whose state an intervention reaches, but not how they are laid out.
-    declared = getattr(getattr(whole, "abilities", None), "levels", 0)
-    levels = tuple(range(1, (len(lstm or gru) or declared) + 1))
-    memory = "ConvLSTM" if lstm else "ConvGRU" if gru else "unknown"
-    skips = tuple(sorted(getattr(getattr(whole, "config", None), "skip_levels", ()), reverse=True))
-    if not isinstance(model, ETNet):
-        return Anatomy(name, skips=skips, levels=levels, memory=memory)
+    name, able = str(model.name), abilities_of(model)
+    is_declared = hasattr(model, "abilities") and not isinstance(model, Adapter)
+    gradients = "yes" if able.gradients else "no" if is_declared else "unknown"
+    levels = tuple(range(1, able.levels + 1))
+    memories = getattr(whole, "memories", ())
+    gru = [block for block in memories if isinstance(block, ConvGRU)]
+    memory = "ConvLSTM" if able.gates else "ConvGRU" if gru else "unknown"
+    skips: tuple[int, ...] = ()
+    if "removed_skips" in able.interventions:
+        skips = tuple(sorted(getattr(getattr(whole, "config", None), "skip_levels", ()), reverse=True))
+    if not able.attention or not isinstance(model, ETNet):
+        is_split = not isinstance(model, Adapter)
+        return Anatomy(name, skips=skips, levels=levels, memory=memory, is_split=is_split, gradients=gradients)
     config = model.config
     encoders = [f"encoder.{layer}.self" for layer in range(config.encoder_depth)]
     decoders = [f"decoder.{layer}.{kind}" for layer in range(config.decoder_depth) for kind in ("self", "cross")]
@@ -91,6 +103,10 @@ def cannot_show(model: Reconstructor, inspector: Inspector) -> str | None:
             return f"{parts.name} has no ConvLSTM levels, so there are no cells or gates to show"
         case "ablation" if not (parts.scales or parts.skips):
             return f"{parts.name} has neither scales nor skips, so there is no part to ablate"
+        case "levels" if not parts.levels:
+            return str(lacking(model, "levels")).rstrip(".")
+        case "gradient" if parts.gradients == "no":
+            return str(lacking(model, "gradients")).rstrip(".")
         case "intervention" if not parts.can_intervene:
             return f"{parts.name} names no part of itself, so nothing inside it can be switched off or changed"
     return None

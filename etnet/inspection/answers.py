@@ -13,13 +13,13 @@ _PLAYBACK, _ATTENTION = Verbatim("playback"), Verbatim("attention")
 def answer(asked: Asked, moment: Described, then: Described | None) -> tuple[str, ...]:
     """Lines that go on from `playback` (and `other`, of `then`) and end with `array = …`."""
     match asked.what:
-        case "map" | "numbers" | "value_weighted" | "received" | "rollout" | "links":
+        case "map" | "numbers" | "value_weighted" | "received" | "rollout" | "links" | "table" | "sinks" | "padding":
             return _of_attention(asked, moment.index)
         case "attribution" | "occlusion" | "gates" | "norms" | "memory_depth" | "path" | "track" | "masked":
             return _of_one_playback(asked, moment.index)
         case "feature" | "colours" | "similarity":
             return _of_features(asked, moment.index, then)
-        case "map_difference" | "curve":
+        case "map_difference" | "curve" | "apart":
             return _of_two(asked, moment, then)
         case _:
             return _of_a_moment(asked, moment.index)
@@ -50,6 +50,9 @@ def _of_a_moment(asked: Asked, index: int) -> tuple[str, ...]:
             given = asked.given("drop", "num_seeds", "num_back")
             found = call("uncertainty.dropout_spread", _PLAYBACK, index, **given)
             return (f"*_, found = {found}", "array = found.deviation")
+        case "without":
+            apart = f"playback.at({index}, intervention=cut).frame - playback.at({index}).frame"
+            return (f"cut = {code(asked.cut)}", f"array = ({apart})[0, 0]")
         case "error":
             frame = Verbatim(f"playback.at({index}).frame[0, 0]")
             return (f"array = {call('uncertainty.camera_error', _PLAYBACK, index, frame)}",)
@@ -59,7 +62,7 @@ def _of_a_moment(asked: Asked, index: int) -> tuple[str, ...]:
 
 def _of_attention(asked: Asked, index: int) -> tuple[str, ...]:
     token, site = asked.token or 0, asked.site
-    needs_all = asked.what in ("rollout", "links")
+    needs_all = asked.what in ("rollout", "links", "table")
     probe = "AttentionProbe()" if needs_all else f"AttentionProbe({code(frozenset({site}))})"
     if asked.what == "value_weighted":
         probe = f"AttentionProbe({code(frozenset({site}))}, values=True)"
@@ -87,6 +90,15 @@ def _of_attention(asked: Asked, index: int) -> tuple[str, ...]:
                 last = "found[0] / found[0].sum()" if asked.head == "mean" else last
         case "received":
             last = call("mass.received", _ATTENTION, site) + ".times_uniform"
+        case "table":
+            last = call("atlas.head_table", _ATTENTION, token) + f".{asked.quantity}"
+        case "sinks":
+            last = call("mass.received", _ATTENTION, site) + ".sinks()"
+            if asked.token is not None:  # what of this row goes to them, by head
+                last = f"({rows}[:, 0] * {last}).sum(-1)"
+        case "padding":
+            first += "\nshares = mass.padding_shares(attention.grid)"
+            last = f"mass.mass_on({rows}[:, 0].mean(0), shares)"
         case "rollout":
             fusion = {} if asked.head is None else {"fusion": asked.head}
             last = call("rollout.rollout", _ATTENTION, token, **asked.given("discard"), **fusion) + ".weights"
@@ -105,7 +117,7 @@ def _of_features(asked: Asked, index: int, then: Described | None) -> tuple[str,
     pixel = ", ".join(map(str, asked.pixel or ()))
     if then is None:
         return (f"found = {found}", f"array = similarity.cosine_similarity(found, found.at({pixel}))")
-    there = call("features.feature_map", Verbatim("other"), then.index, asked.feature)
+    there = call("features.feature_map", Verbatim("other"), then.index, asked.reference or asked.feature)
     return (f"found = {found}", f"array = similarity.cosine_similarity(found, {there}.at({pixel}))")
 
 
@@ -116,10 +128,25 @@ def _of_two(asked: Asked, moment: Described, then: Described | None) -> tuple[st
         of_pixel = asked.given("pixel")
         field = "at_pixel" if of_pixel else "mean_absolute"
         return (f"array = {call('twin.EffectCurve.of', Verbatim(both), **of_pixel)}.{field}",)
+    if asked.what == "apart":
+        both = f"(playback, {change_call(moment, 'playback')})"
+        frames = f"original, changed = [each.at({moment.index}).frame for each in {both}]"
+        if asked.quantity == "lpips":
+            return (frames, "array = lpips.perceptual_distance(changed.clamp(0, 1), original.clamp(0, 1))")
+        apart = "(changed - original)"
+        return (
+            frames,
+            f"array = {apart}[0, 0]" if asked.quantity == "difference" else f"array = {apart}.square().mean()",
+        )
     assert then is not None
-    given = asked.given("head", "direction")
-    pinned = (call("pins.pin", Verbatim(name), index, asked.pixel, asked.site, **given)
-              for name, index in (("playback", moment.index), ("other", then.index)))  # fmt: skip
+    now = call("pins.pin", _PLAYBACK, moment.index, asked.pixel, asked.site, **asked.given("head", "direction"))
+    held, other = asked.then, Verbatim("other")
+    if held is None:
+        before = call("pins.pin", other, then.index, asked.pixel, asked.site, **asked.given("head", "direction"))
+    else:
+        given = {"head": held.head, "direction": held.direction}
+        before = call("pins.pin", other, then.index, held.pixel, held.site, **given)
+    pinned = now, before
     return (f"array = {call('pins.difference', *map(Verbatim, pinned), **asked.given('floor'))}.log_ratio",)
 
 
@@ -129,7 +156,7 @@ def _of_one_playback(asked: Asked, index: int) -> tuple[str, ...]:
     match asked.what:
         case "attribution":
             found = call("attribution.attribute", _PLAYBACK, index, pixel, **asked.given("num_back"))
-            return (f"array = {found}.windows[-1].weights",)
+            return (f"array = {found}.windows[{-1 - (asked.age or 0)}].weights",)
         case "occlusion":
             given = asked.given("num_back", "patch")
             return (f"array = {call('attribution.occlude', _PLAYBACK, index, pixel, **given)}.change",)
@@ -137,7 +164,7 @@ def _of_one_playback(asked: Asked, index: int) -> tuple[str, ...]:
             return (f"array = {call('gates.gates_at', _PLAYBACK, index, asked.level)}.{asked.quantity}",)
         case "norms":
             found = call("through_time.norms_through_time", _PLAYBACK, span)
-            return (f"array = torch.stack([norms.hidden for _, norms in {found}])",)
+            return (f"array = torch.stack([norms.{asked.quantity or 'hidden'} for _, norms in {found}])",)
         case "memory_depth":
             depths = tuple(asked.depths or ())
             return (f"array = {call('gates.memory_depth', _PLAYBACK, index, depths)}.differences",)
@@ -152,7 +179,7 @@ def _of_one_playback(asked: Asked, index: int) -> tuple[str, ...]:
             query: object = pixel
             lines = _path(asked, index)
             if lines:  # the query goes along a followed path
-                query, span = Verbatim("path"), Verbatim("sorted(path)")
+                query, span = Verbatim("path"), Verbatim(f"[i for i in range({first}, {last + 1}) if i in path]")
             given = asked.given("region", "head", "near")
             found = call("through_time.attention_through_time", _PLAYBACK, query, span, sites, **given)
             return (*lines, f"array = through_time.Track.of({found}).{asked.quantity}")
@@ -179,6 +206,6 @@ def _masked(asked: Asked) -> tuple[str, ...]:
     x, y = asked.pixel or (0, 0)
     each, place = f"i in range({first}, {last + 1})", f"{y}, {x}"
     if asked.until is not None:
-        each, place = "i, (x, y) in sorted(path.items())", "y, x"
+        each, place = f"{each} if i in path", "path[i][1], path[i][0]"
     apart = "playback.at(i, intervention=cut).frame - playback.at(i).frame"
     return (f"cut = {code(cut)}", f"array = torch.stack([({apart})[0, 0, {place}] for {each}])")

@@ -26,7 +26,7 @@ def as_python(moment: Described, asked: Asked, then: Described | None = None) ->
 
 
 def _snippet(moment: Described, asked: Asked, then: Described | None, is_roomy: bool) -> tuple[str, ...]:
-    lines = _playback(moment, "playback", is_roomy, is_original=asked.what == "curve")
+    lines = _playback(moment, "playback", is_roomy, is_original=asked.what in ("curve", "apart"))
     if then is not None:
         lines += _playback(then, "other", is_roomy, shares=moment)
     lines += answer(asked, moment, then)
@@ -84,8 +84,10 @@ def _stated(opened: OpenedAs) -> dict[str, object]:
 
 
 _PACKAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("etnet", ("AttentionProbe", "BetweenFrames", "ByCount", "ByDensity", "ByDuration", "EventEdit", "Intervention",
-               "Playback", "load_model", "open_recording", "plan_windows", "windows")),
+    ("etnet", ("AttentionProbe", "BetweenFrames", "ByActivity", "ByCount", "ByCountOrDuration", "ByDensity",
+               "ByDuration", "ByStamps", "EventEdit", "Intervention", "Playback", "load_model", "open_recording",
+               "plan_windows", "windows")),
+    ("etnet.evaluation", ("lpips",)),
     ("etnet.events", ("denoise", "opened_as", "assumptions")),
     ("etnet.inspection", ("atlas", "attribution", "basis", "causal_search", "entropy", "features", "follow", "gates",
                           "importance", "input", "links", "mass", "pins", "rollout", "similarity", "sources",

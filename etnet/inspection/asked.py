@@ -12,11 +12,13 @@ from etnet.inspection.entropy import HeadChoice
 from etnet.inspection.features import Feature
 from etnet.inspection.mass import Region
 from etnet.inspection.sites import Direction
+from etnet.nets.intervention import Intervention
 
 What = Literal[
     "frame", "voxel", "map", "numbers", "value_weighted", "received", "rollout", "links",
     "effect", "atlas", "feature", "colours", "similarity", "map_difference", "path", "track", "masked",
     "attribution", "occlusion", "gates", "norms", "memory_depth", "curve", "cause", "sources", "spread", "error",
+    "table", "sinks", "padding", "without", "apart",
 ]  # fmt: skip
 """One for each inspector."""
 
@@ -29,8 +31,20 @@ NEEDED: dict[What, tuple[str, ...]] = {
     "attribution": ("pixel",), "occlusion": ("pixel",),
     "gates": ("level", "quantity"), "norms": ("windows",), "memory_depth": ("depths",), "curve": ("windows",),
     "cause": ("pixel",), "sources": ("pixel",), "spread": (), "error": (),
+    "table": ("token", "quantity"), "sinks": ("site",), "padding": ("site", "token"), "without": ("cut",),
+    "apart": ("quantity",),
 }  # fmt: skip
 """The fields that a question cannot do without; the others have the defaults of the inspector's function."""
+
+
+@dataclass(frozen=True, slots=True)
+class OneMap:
+    """One map of a moment: of which pixel's token, at which site, of which heads, in which direction."""
+
+    pixel: tuple[int, int]
+    site: str
+    head: HeadChoice = "mean"
+    direction: Direction = "attends to"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +82,14 @@ class Asked:
     drop: float | None = None
     num_seeds: int | None = None
     floor: float | None = None
+    then: OneMap | None = None
+    """Of "map_difference": the other moment's map, where it is of another query than this one's."""
+    age: int | None = None
+    """Of "attribution": of how many windows before the moment's the events are; 0 by default."""
+    cut: Intervention | None = None
+    """Of "without": what is taken away for one decode."""
+    reference: Feature | None = None
+    """Of "similarity": the other moment's feature, where its network has another site than this one's."""
 
     def __post_init__(self) -> None:
         if self.what not in get_args(What):

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from etnet.errors import Cancelled, ModelError
 from etnet.events.events import Events
+from etnet.inspection.anatomy import require
 from etnet.nets.base import State
 from etnet.nets.runtime import device_of
 from etnet.playback.playback import Playback
@@ -60,6 +61,7 @@ def attribute(
     change would do, not what the frame would be without the events; `occlude` says that. Holds the activations of
     `num_back` + 1 steps. The network's precision should be fp32.
     """
+    require(playback.model, "gradient")
     x, y = _inside(playback, pixel)
     first, state = _start(playback, index, num_back, cancelled)
     taken = {

@@ -88,7 +88,8 @@ def search_cause(
     Bisection takes for granted that a later reset changes more; where effects come and go it still ends at a pair of
     neighbouring windows of which the earlier leaves the pixel and the later changes it, but there may be others.
     """
-    parts = require(playback.model, "intervention")
+    require(playback.model, "intervention")
+    parts = require(playback.model, "levels")
     levels = frozenset(parts.levels) if levels is None else levels
     if not levels or not levels <= set(parts.levels):
         raise ModelError(f"levels {sorted(levels)} asked for; {parts.name} has {list(parts.levels) or 'none'}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -128,3 +130,16 @@ def difference(now: Pin, then: Pin, floor: float = FLOOR) -> MapDifference:
     ratio = torch.log2(now.map.clamp_min(least)) - torch.log2(then.map.clamp_min(least))
     limit = float(torch.quantile(ratio.abs(), LIMIT_QUANTILE))
     return MapDifference(now, then, now.map - then.map, ratio, least, limit)
+
+
+def difference_csv(found: MapDifference) -> str:
+    """Two maps as text, one line a token: its place, both weights in full, log₂ of their ratio above the floor."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(("token", "row", "column", "x", "y", "now", "then", "log2_ratio"))
+    grid = found.now.grid
+    values = zip(found.now.map.tolist(), found.then.map.tolist(), found.log_ratio.tolist(), strict=True)
+    for token, (now, then, ratio) in enumerate(values):
+        place = *divmod(token, grid.columns), *grid.pixel_of(token)
+        table.writerow((token, *place, repr(now), repr(then), f"{ratio:.6g}"))
+    return text.getvalue()

@@ -93,14 +93,19 @@ def camera_error(
     """|frame, clipped to 0 … 1, − camera| against the camera's frame at the window's end; `None` where there is none
     within `nearest` µs, or it has another size.
     """
+    seen = camera_frame(playback, index, nearest)
+    return None if seen is None or seen.shape != frame.shape else (frame.cpu().clamp(0, 1) - seen).abs()
+
+
+def camera_frame(playback: Playback, index: int, nearest: int = NEAREST) -> Float[Tensor, "h w"] | None:
+    """The camera's frame at a window's end, 0 … 1; `None` where there is none within `nearest` µs."""
     truth, stamp = playback.recording.ground_truth, playback.windows[index].t_stop
     if truth is None or len(truth) == 0:
         return None
     found = truth.nearest(stamp)
     if abs(int(truth.stamps[found]) - stamp) > nearest:
         return None
-    seen = torch.from_numpy(np.asarray(truth.read_frame(found), np.float32))
-    return (frame.cpu().clamp(0, 1) - seen).abs() if seen.shape == frame.shape else None
+    return torch.from_numpy(np.asarray(truth.read_frame(found), np.float32))
 
 
 @dataclass(frozen=True, slots=True)

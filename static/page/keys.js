@@ -21,11 +21,6 @@
     const at = query();
     if (at) press(`at:${Math.max(at[0] + dx, 0)},${Math.max(at[1] + dy, 0)}`);
   };
-  const site = (by) => {
-    const sites = [...document.querySelectorAll("[data-etv-site]")];
-    const at = sites.findIndex((each) => each.classList.contains("et-chosen"));
-    if (sites.length) press(`attention:site:${sites[(at + by + sites.length) % sites.length].dataset.etvSite}`);
-  };
   const head = (digit) => {
     const card = document.querySelector(`[data-testid='head-${digit}']`);
     if (card) press(`set:attention.head:${card.classList.contains("et-chosen") ? "none" : digit}`);
@@ -38,7 +33,7 @@
       if (event.key.toLowerCase() === "x" && !event.repeat) press("inspect:original:on");
       if (!isOnMap || !document.querySelector("[data-etv-query]")) return;
       if (moves[event.key]) move(moves[event.key]);
-      else if (event.key === "[" || event.key === "]") site(event.key === "]" ? 1 : -1);
+      else if (event.key === "[" || event.key === "]") press(`attention:site:${event.key === "]" ? "+1" : "-1"}`);
       else if (/^[0-9]$/.test(event.key)) event.repeat || head(event.key);
       else if (event.key === "Escape") return void focus(false);
       else return;
@@ -50,15 +45,25 @@
   window.addEventListener("keyup", (event) => event.key.toLowerCase() === "x" && !isTyping(event) && press("inspect:original:off"), true);
   window.addEventListener("blur", () => document.querySelector("[data-etv-original]") && press("inspect:original:off"));
 
-  // The number under the pointer.
+  // The number under the pointer. A map is read once for each picture of it.
+  const read = new WeakMap();
+  const numbers = (image) => {
+    const text = image.dataset.etvValues;
+    if (read.get(image)?.text !== text) {
+      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+      read.set(image, { text, values: new Float32Array(bytes.buffer) });
+    }
+    return read.get(image).values;
+  };
+  const short = (value) => value.toLocaleString("en", { maximumSignificantDigits: 3, useGrouping: false }).replace("-", "−");
   const told = (image, event) => {
     const box = image.getBoundingClientRect();
     const columns = Number(image.dataset.etvMap);
-    const values = image.dataset.etvValues.split(" ");
+    const values = numbers(image);
     const within = (f, n) => Math.min(Math.max(Math.floor(f * n), 0), n - 1);
     const column = within((event.clientX - box.left) / box.width, columns);
     const row = within((event.clientY - box.top) / box.height, values.length / columns);
-    return `token ${column}, ${row} · ${values[row * columns + column]} ${image.dataset.etvUnit}`;
+    return `token ${column}, ${row} · ${short(values[row * columns + column])} ${image.dataset.etvUnit}`;
   };
   document.addEventListener("pointermove", (event) => {
     const image = event.target.closest?.("[data-etv-values]");

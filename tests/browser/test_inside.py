@@ -53,6 +53,11 @@ def choose_pixel(page, u=0.5, v=0.5):
     raise AssertionError("no click on the image chooses a pixel")
 
 
+def choose_network(page, name):
+    """As the list of networks in Compare does."""
+    page.evaluate("key => window.etnetSay('pick', key, 0, 0)", f"compare:model:0:{name}")
+
+
 def to_attention(page, u=0.5, v=0.5):
     choose_pixel(page, u, v)
     click(page, "workspace:attention")
@@ -80,7 +85,7 @@ def test_from_a_pixel_to_a_head_a_mask_its_twin_and_back(page):
 
     click(page, "set:attention.head:3")
     click(page, f"inspect:switch:head {OTHER} 3")
-    page.get_by_test_id("change-in-bar").get_by_text("head 3 of 1/8 encoder 2, self masked").wait_for()
+    page.get_by_test_id("change-in-bar").get_by_text("head 3 of 1/8 encoder 1, self masked").wait_for()
     page.locator(".et-mark").get_by_text("head 3 masked").wait_for()
     page.get_by_test_id("change-mark").first.wait_for(state="attached")
 
@@ -108,6 +113,60 @@ def test_two_moments_are_pinned_and_compared(page):
     page.get_by_test_id("pinned").get_by_text("window 1").wait_for()
     click(page, "attention:compare:none")
     page.get_by_test_id("peak").wait_for()
+
+
+def test_a_pinned_moment_is_held_against_another_one_with_both_frames_and_outlives_the_network(page):
+    to_attention(page)
+    click(page, "attention:pin:a")
+    page.get_by_test_id("a-minus-b").get_by_text("share 100 %").wait_for()
+    for window in (1, 2, 3):
+        page.locator("body").press("l")
+        page.get_by_test_id("window").get_by_text(f"window {window} of").wait_for()
+    below = page.locator(".et-frames-below figcaption")
+    below.filter(has_text="now window 3").wait_for()
+    below.filter(has_text="then window 0").wait_for()
+    assert "share 100 %" not in page.get_by_test_id("a-minus-b").inner_text()
+    first, second = (page.locator(".et-frames-below img").nth(i).get_attribute("src") for i in (0, 1))
+    assert first != second
+    choose_network(page, "pie-net-lite")  # it has no attention: the pin stays for when there is some again
+    page.locator("[data-card='attention.map']").get_by_text("has no attention").wait_for()
+    choose_network(page, "etnet-half")
+    page.get_by_test_id("pinned").get_by_text("window 0").wait_for()
+    below.filter(has_text="then window 0").wait_for()
+
+
+def test_sites_are_stepped_through_while_the_atlas_shows_dots(page):
+    to_attention(page)
+    click(page, "set:attention.shows_dots:True")
+    page.get_by_test_id("dot").first.wait_for()
+    press_at(page, page.locator("[data-card='attention.map'] [data-etv-values]"))
+    shown = page.get_by_test_id("map-line").locator("code")
+    shown.get_by_text(SITE).wait_for()
+    page.keyboard.press("]")
+    page.wait_for_function(
+        "site => !document.querySelector('[data-testid=map-line] code')?.textContent.startsWith(site)", arg=SITE
+    )
+    page.keyboard.press("[")
+    shown.get_by_text(SITE).wait_for()
+
+
+def test_every_site_of_the_atlas_lies_within_its_card_without_scrolling(browser, viewer):
+    page = open_page(browser, viewer.url, 1600, 900)
+    to_attention(page)
+    page.locator("[data-etv-site]").nth(20).wait_for()
+    for order in ("network", "entropy"):
+        page.get_by_label("Order").select_option(order)
+        page.locator(".et-atlas.et-sorted" if order == "entropy" else ".et-atlas:not(.et-sorted)").wait_for()
+        outside = page.evaluate("""() => {
+            const card = document.querySelector("[data-card='attention.atlas']").getBoundingClientRect();
+            const boxes = [...document.querySelectorAll("[data-etv-site]")].map((each) => each.getBoundingClientRect());
+            const inside = (box) => box.left >= card.left - 1 && box.right <= card.right + 1
+                && box.top >= card.top - 1 && box.bottom <= card.bottom + 1 && box.width > 8 && box.height > 8;
+            return [boxes.length, boxes.filter((box) => !inside(box)).length];
+        }""")
+        assert outside == [21, 0]
+    assert page.errors == []
+    page.context.close()
 
 
 def test_keys_move_the_query_the_site_and_the_head_while_a_map_has_the_focus(page):

@@ -1,7 +1,5 @@
 """A network says what it can show; somebody's own network is inspected as far as it goes."""
 
-from types import SimpleNamespace
-
 import pytest
 import torch
 
@@ -10,6 +8,7 @@ from etnet.inspection.anatomy import anatomy_of, cannot_show
 from etnet.inspection.attribution import attribute, occlude
 from etnet.inspection.sites import Site
 from etnet.inspection.through_time import attention_through_time, norms_through_time
+from etnet.nets.abilities import Abilities
 from etnet.nets.adapter import Adapter
 from etnet.nets.base import Reconstructor
 from etnet.nets.integrator import IntegratorConfig
@@ -56,10 +55,13 @@ def test_what_a_network_cannot_show_is_one_sentence():
     assert cannot_show(firenet, "hidden") is None
     foreign = build_model(IntegratorConfig())
     assert anatomy_of(foreign).levels == ()
-    foreign.abilities = SimpleNamespace(levels=2)  # pyright: ignore[reportAttributeAccessIssue]
+    foreign.abilities = Abilities(levels=2)
     assert anatomy_of(foreign).levels == (1, 2)
     assert "hidden" in str(cannot_show(foreign, "hidden"))
-    assert cannot_show(own, "gradient") is None
+    assert "passes no gradient back" in str(cannot_show(foreign, "gradient"))
+    assert cannot_show(own, "gradient") is None  # only the attempt tells
+    assert str(cannot_show(own, "levels")).startswith("mine has no recurrent levels that can be told apart")
+    assert cannot_show(firenet, "levels") is None
     for model in (firenet, own):
         with pytest.raises(ModelError, match="has no attention"):
             next(attention_through_time(own_playback(model), PIXEL, [0]))

@@ -10,9 +10,11 @@ import pytest
 import torch
 
 from etnet.errors import ModelError
+from etnet.evaluation import lpips
 from etnet.events.assumptions import Assumptions
 from etnet.events.denoise import Cleaning, cleaned
 from etnet.events.edit import EventEdit
+from etnet.events.events import Sensor
 from etnet.events.open import open_recording
 from etnet.events.opened_as import OpenedAs, View
 from etnet.inspection import (
@@ -37,7 +39,7 @@ from etnet.inspection import (
     uncertainty,
 )
 from etnet.inspection.as_python import LINES, Described, as_python
-from etnet.inspection.asked import NEEDED, Asked, What
+from etnet.inspection.asked import NEEDED, Asked, OneMap, What
 from etnet.nets.attention import Attention, AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
@@ -52,18 +54,24 @@ INDEX, PIXEL, TOKEN, SITE = 4, (20, 9), 7, "scale1.decoder.0.cross"
 FEATURE = features.Feature("key", SITE, head=1)
 REGION = mass.Region(0, 0, 16, 21)
 LEVELS = frozenset({1, 2})
+CUT = Intervention(uniform_attention=True)
 CHANGE = Intervention(zeroed_levels=LEVELS, masked_heads=frozenset({(SITE, 1), ("scale1.encoder.0.self", 0)}))
 EDIT = EventEdit(drop=0.2, seed=3)
+
+
+def write_text(file: Path, num_events: int, sensor: Sensor) -> None:
+    """Eight windows of so many events, as text."""
+    events = make_events(8 * num_events, sensor)
+    rows = [f"{t / 1e6:.6f} {x} {y} {int(p > 0)}"
+            for t, x, y, p in zip(events.t, events.x, events.y, events.p, strict=True)]  # fmt: skip
+    file.write_text(f"{sensor.width} {sensor.height}\n" + "\n".join(rows) + "\n")
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     """A text recording with 8 windows of 150 events, and weights."""
     folder = tmp_path_factory.mktemp("moment")
-    events = make_events(8 * 150, SENSOR)
-    rows = [f"{t / 1e6:.6f} {x} {y} {int(p > 0)}"
-            for t, x, y, p in zip(events.t, events.x, events.y, events.p, strict=True)]  # fmt: skip
-    (folder / "made up.txt").write_text(f"{SENSOR.width} {SENSOR.height}\n" + "\n".join(rows) + "\n")
+    write_text(folder / "made up.txt", 150, SENSOR)
     save_weights(build_model("tiny"), folder / "tiny.safetensors", dtype=None)
     return str(folder / "made up.txt"), str(folder / "tiny.safetensors")
 
@@ -205,6 +213,14 @@ CASES = [
         lambda p: masked_over(p, both_ways(p, 2, 6)),
     ),
     Case(
+        Asked("track", pixel=PIXEL, site=SITE, windows=(2, 3), quantity="entropy", until=3),
+        lambda p: track_of(p, both_ways(p, 2, 3), range(2, 4)).entropy,  # the path begins after the windows
+    ),
+    Case(
+        Asked("masked", pixel=PIXEL, site=SITE, windows=(5, 6), head=1, until=6),
+        lambda p: masked_over(p, {i: at for i, at in both_ways(p, 6).items() if i > INDEX}),
+    ),
+    Case(
         Asked("attribution", pixel=PIXEL, num_back=1),
         lambda p: attribution.attribute(p, INDEX, PIXEL, 1).windows[-1].weights,
     ),
@@ -213,6 +229,28 @@ CASES = [
     Case(
         Asked("norms", windows=(2, 4)),
         lambda p: torch.stack([n.hidden for _, n in through_time.norms_through_time(p, range(2, 5))]),
+    ),
+    Case(
+        Asked("norms", windows=(2, 4), quantity="cell"),
+        lambda p: torch.stack([n.cell for _, n in through_time.norms_through_time(p, range(2, 5))]),
+    ),
+    Case(
+        Asked("attribution", pixel=PIXEL, num_back=1, age=1),
+        lambda p: attribution.attribute(p, INDEX, PIXEL, 1).windows[-2].weights,
+    ),
+    Case(Asked("table", token=TOKEN, quantity="distance"), lambda p: atlas.head_table(observed(p), TOKEN).distance),
+    Case(Asked("sinks", site=SITE), lambda p: mass.received(observed(p), SITE).sinks()),
+    Case(
+        Asked("sinks", site=SITE, token=TOKEN),
+        lambda p: (observed(p).rows(SITE, [TOKEN])[:, 0] * mass.received(observed(p), SITE).sinks()).sum(-1),
+    ),
+    Case(
+        Asked("padding", site=SITE, token=TOKEN),
+        lambda p: mass.mass_on(observed(p).rows(SITE, [TOKEN])[:, 0].mean(0), mass.padding_shares(observed(p).grid)),
+    ),
+    Case(
+        Asked("without", cut=CUT),
+        lambda p: (p.at(INDEX, intervention=CUT).frame - p.at(INDEX).frame)[0, 0],
     ),
     Case(Asked("memory_depth", depths=(0, 2)), lambda p: gates.memory_depth(p, INDEX, (0, 2)).differences),
     Case(
@@ -258,6 +296,39 @@ def test_two_moments_are_compared_as_the_library_does(moment: Described, playbac
         as_python(moment, asked)
 
 
+def test_each_of_two_maps_has_its_own_query_site_head_and_direction(moment: Described, playback: Playback):
+    before = replace(moment, index=1)
+    held = OneMap((3, 15), "scale2.encoder.0.self", 1, "attended by")
+    asked = Asked("map_difference", site=SITE, pixel=PIXEL, head="max", then=held)
+    now = pins.pin(playback, INDEX, PIXEL, SITE, "max")
+    then = pins.pin(playback, 1, held.pixel, held.site, held.head, held.direction)
+    assert same(run(as_python(moment, asked, before)), pins.difference(now, then).log_ratio)
+    other = features.Feature("key", held.site)
+    likeness = Asked("similarity", feature=features.Feature("key", SITE), pixel=PIXEL, reference=other)
+    reference = features.feature_map(playback, 1, other).at(*PIXEL)
+    expected = similarity.cosine_similarity(
+        features.feature_map(playback, INDEX, features.Feature("key", SITE)), reference
+    )
+    assert same(run(as_python(moment, likeness, before)), expected)
+
+
+@pytest.mark.parametrize("quantity", ["mse", "lpips", "difference"])
+def test_how_far_a_change_moves_a_frame_is_told_of_both_frames(quantity: str, tmp_path: Path):
+    write_text(tmp_path / "large.txt", 600, Sensor(80, 72))  # LPIPS wants so many pixels a side
+    save_weights(build_model("tiny"), tmp_path / "tiny.safetensors", dtype=None)
+    files = str(tmp_path / "large.txt"), str(tmp_path / "tiny.safetensors")
+    described = Described(*files, ByCount(600), INDEX, intervention=CHANGE, since=2)
+    found = open_recording(files[0])
+    playback = Playback(load_model(files[1]), found, plan_windows(found, ByCount(600)))
+    changed, original = playback.branch(2, CHANGE).at(INDEX).frame, playback.at(INDEX).frame
+    expected = (changed - original).square().mean()
+    if quantity == "difference":
+        expected = (changed - original)[0, 0]
+    if quantity == "lpips":
+        expected = lpips.perceptual_distance(changed.clamp(0, 1), original.clamp(0, 1))
+    assert same(run(as_python(described, Asked("apart", quantity=quantity))), expected)
+
+
 @pytest.mark.parametrize("once", [False, True])
 @pytest.mark.parametrize("pixel", [None, PIXEL])
 def test_the_curve_of_a_change_is_that_of_both_playbacks(
@@ -271,7 +342,9 @@ def test_the_curve_of_a_change_is_that_of_both_playbacks(
 
 
 def test_every_question_is_tried_here():
-    assert {case.asked.what for case in CASES} | {"map_difference", "curve"} == set(get_args(What)) == set(NEEDED)
+    assert (
+        {case.asked.what for case in CASES} | {"map_difference", "curve", "apart"} == set(get_args(What)) == set(NEEDED)
+    )
 
 
 def test_all_that_decides_the_bits_is_in_ten_lines(files: tuple[str, str]):

@@ -8,9 +8,9 @@ from etnet.nets.intervention import Intervention
 
 
 def site_name(site: str) -> str:
-    """A site in few words: "1/2 decoder 1, cross"."""
+    """A site in few words, its layer counted from 0 as the library does: "1/2 decoder 0, cross"."""
     scale, part, layer, kind = site.split(".")
-    return f"{resolution(int(scale.removeprefix('scale')))} {part} {int(layer) + 1}, {kind}"
+    return f"{resolution(int(scale.removeprefix('scale')))} {part} {layer}, {kind}"
 
 
 def change_words(intervention: Intervention, edit: EventEdit) -> str:
@@ -33,6 +33,13 @@ def changed_at(intervention: Intervention, site: str) -> str:
         said.append("ablated")
     if site in intervention.uniform_sites or intervention.uniform_attention:
         said.append("uniform attention")
+    scale, part, *_ = site.split(".")
+    if int(scale.removeprefix("scale")) in intervention.removed_scales:
+        said.append("scale removed")
+    if intervention.without_decoders and part == "decoder":
+        said.append("decoders removed")
+    if intervention.without_context:
+        said.append("TPA ablated")
     return " · ".join(said)
 
 

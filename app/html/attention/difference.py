@@ -34,5 +34,5 @@ def difference_tokens(
 def difference_legend(limit: float) -> str:
     """The scale of a difference, in multiples of a weight; ends at which colours are clipped say so."""
     most = short(2**limit)
-    ticks = [(0.0, f"then ≥ {most} ×"), (0.5, "alike"), (1.0, f"now ≥ {most} ×")]
+    ticks = [(0.0, f"≥ {most} × more then"), (0.5, "alike"), (1.0, f"≥ {most} × more now")]
     return legend("log₂ (now / then), weights below 1/64 × uniform count as that", css_gradient(_hues()), ticks)

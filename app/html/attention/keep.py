@@ -18,7 +18,7 @@ def kept(row: Float[np.ndarray, " tokens"], keep: Keep) -> Bool[np.ndarray, " to
 
     from etnet.inspection.threshold import holding, strongest
 
-    weights = torch.from_numpy(np.ascontiguousarray(row))
+    weights = torch.from_numpy(row.copy())
     return (holding(weights, int(number) / 100) if kind == "mass" else strongest(weights, int(number))).numpy()
 
 

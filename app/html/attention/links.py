@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from app.engine.requests import Ready
 from app.html.moment import ARRAYS
-from app.html.units import resolution
+from app.html.units import resolution, significant
 from etnet.render.colours import Colour
 
 if TYPE_CHECKING:
@@ -38,4 +38,4 @@ def links_of(ready: Ready | None, query: tuple[int, int] | None) -> tuple[Link, 
 def link_words(links: tuple[Link, ...], scale: int) -> str:
     """ "1/8 attends up to 3.1 × uniform"."""
     most = max((link.times_uniform for link in links if link.scale == scale), default=0.0)
-    return f"{resolution(scale)} attends up to {most:.2g} × uniform"
+    return f"{resolution(scale)} attends up to {significant(most, 2)} × uniform"

@@ -8,7 +8,8 @@ from typing import Literal
 from app.html.pictures import Tones
 
 Gather = Literal["mean", "max", "min"]
-Order = Literal["network", "effect", "entropy", "distance"]
+Order = Literal["network", "effect", "image", "entropy", "distance"]
+"""Of maps: the network's, by the effect of masking on the pixel or on the image, by how sharp they are, or how far."""
 Direction = Literal["attends to", "attended by"]
 MapRange = Literal["shared", "per map"]
 Weight = Literal["alpha", "value"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from app.engine.requests import Ready
+from app.html.attention.changed import site_name
 from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook, Direction, Gather
 from app.html.elements import ON_PICK, empty, escape, legend, marker, panel, picture
@@ -36,8 +38,8 @@ if TYPE_CHECKING:
 
 BASE_PIXELS = 4
 """Pixels a token of the dimmed frame under the small maps."""
-MOST_NUMBERS = 6000
-"""Of a map that are sent with it for the pointer."""
+MOST_NUMBERS = 65_536
+"""Of a map that are sent with it for the pointer: at most a third of a megabyte."""
 GATHERED: dict[Gather, str] = {
     "mean": "mean",
     "max": "max",
@@ -71,12 +73,11 @@ def _site(name: str) -> Site:
 
 
 def site_words(name: str, sites: tuple[str, ...]) -> str:
-    """A site in words: "1/4 · decoder 1, cross-attention: 1/4 attends to 1/8"."""
+    """A site in words: "1/4 decoder 0, cross: 1/4 attends to 1/8"."""
     site = Site.of(name)
     own = resolution(site.scale)
-    if site.kind == "self":
-        return f"{own} · {site.part} {site.layer + 1}, self-attention: {own} attends to itself"
-    return f"{own} · {site.part} {site.layer + 1}, cross-attention: {own} attends to {resolution(source(site, sites))}"
+    reads = "itself" if site.kind == "self" else resolution(source(site, sites))
+    return f"{site_name(name)}: {own} attends to {reads}"
 
 
 def source(site: Site, sites: tuple[str, ...]) -> int:
@@ -198,12 +199,13 @@ def large_map(
     """A map that fills its card, a cell a whole number of pixels; it carries its numbers for the pointer.
 
     A click chooses the pixel under it, on the border the nearest one of the sensor. `tokens` may have finer cells than
-    the token grid; where there are too many of them the pointer is told none.
+    the token grid; where there are too many of them the pointer is told none. Numbers travel as float32 in base64,
+    which is as short as three digits of each and takes no time to write.
     """
     patch, (rows, columns) = patch_size(), tokens.shape[:2]
     width, height = grid.columns * patch, grid.rows * patch
     key = f"cut:{-grid.left},{-grid.top},{width},{height}"
-    numbers = " ".join(f"{value:.3g}" for value in values.tolist()) if values.size <= MOST_NUMBERS else ""
+    numbers = b64encode(values.astype("<f4").tobytes()).decode() if values.size <= MOST_NUMBERS else ""
     told = f' data-etv-map="{columns}" data-etv-values="{numbers}" data-etv-unit="{escape(unit)}"' if numbers else ""
     cross = asked = ""
     if query is not None:

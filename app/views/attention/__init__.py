@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from app.state import intents as ask
+from app.views.attention.commands import COMMANDS
 from app.views.attention.state import AttentionState, hear, reduce_attention
 from app.views.view import Card, View
 
@@ -51,4 +52,5 @@ VIEW = View(
     intents=(ask.OpenRecording, ask.ReopenRecording),
     hear=hear,
     jobs=_jobs,
+    commands=COMMANDS,
 )

@@ -37,8 +37,10 @@ Also = Literal["none", "10 back", "10 on", "a", "b", "run 1", "run 2", "run 3"]
 """Where else similarity to the token is looked for: another window, a pin, a run of Compare."""
 Over = Literal["none", "not", "python", "row"]
 """What stands in the large map's place: what maps are not, the lines that give it, its row as text."""
-Lines = Literal["map", "heads", "tokens", "time"]
-"""The card that the lines of Python are about."""
+Lines = Literal[
+    "map", "heads", "tokens", "time", "entropy", "distance", "uniform", "TPA", "site", "sinks", "on sinks", "padding"
+]
+"""What the lines of Python give: what a card shows, or one of the numbers beside it."""
 ONLY_PATTERN = r"(scale[0-3]|(encoder|decoder)\.\d{1,2}\.(self|cross))?"
 Quantity = Literal["entropy", "mass", "effect"]
 
@@ -82,7 +84,9 @@ class AttentionState:
     also: Also = "none"
     curve: Quantity = "entropy"
     follows: bool = False
-    """Whether curves stay on the patch that lies under the pixel now, along the motion of its events."""
+    """Whether map and curves stay on the patch under the pixel, along the motion of its events."""
+    anchor: int | None = passing(None)
+    """The window in which the patch that is followed lies at the pixel."""
     compare: Literal["none", "a", "b"] = passing("none")
     """The pin that the current map is held against."""
     over: Over = "none"
@@ -91,6 +95,9 @@ class AttentionState:
     """Whether the atlas is a plot of all heads, entropy by distance, in place of maps."""
     only: str = text("", ONLY_PATTERN)
     """What the atlas is narrowed to: "scale2" or a column, "encoder.0.self"; its heads then stand there one by one."""
+    sites: tuple[str, ...] = passing(())
+    """Those of the chosen network, in its order; empty before they are known."""
+    num_heads: int = passing(0)
     pin_a: PinnedMap | None = passing(None)
     pin_b: PinnedMap | None = passing(None)
 
@@ -98,6 +105,12 @@ class AttentionState:
     def quantity_has_a_head(self) -> bool:
         """Whether the curve is about the chosen head alone: an effect is, entropies are of every head."""
         return self.curve == "effect"
+
+    def anchored(self, index: int) -> int | None:
+        """The window from which the patch is followed on a page at window `index`; `None` where none is."""
+        if not self.follows:
+            return None
+        return index if self.anchor is None else self.anchor
 
     @property
     def pinned(self) -> PinnedMap | None:
@@ -121,10 +134,26 @@ class OpenHead:
 
 
 @dataclass(frozen=True, slots=True)
+class StepSite:
+    """Show the site so many places on in the network's order, or back; after the last comes the first."""
+
+    by: int
+
+
+@dataclass(frozen=True, slots=True)
+class StepHead:
+    """Show the head so many places on, or back; after the last come all heads together."""
+
+    by: int
+
+
+@dataclass(frozen=True, slots=True)
 class PinMap:
     """Keep the map that is shown as A or B, with its moment and network."""
 
     slot: Pin
+    query: tuple[int, int] | None = None
+    """Of which pixel the map is; `None`: of the chosen one. One that is followed lies elsewhere by now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,14 +171,45 @@ class Compare:
 
 
 def reduce_attention(slice_: AttentionState, intent: Any, here: Here) -> AttentionState:
-    """Pins hold their moment and their network; they are of one recording."""
+    """Pins hold their moment and their network; they are of one recording. A patch is followed from where it was."""
+    return _anchored(_reduced(slice_, intent, here), intent, here)
+
+
+def _anchored(slice_: AttentionState, intent: Any, here: Here) -> AttentionState:
+    """The window at which the query was set, while it is followed; windows of another plan have other numbers."""
+    anchor = slice_.anchor
+    match intent:
+        case _ if not slice_.follows:
+            anchor = None
+        case ask.OpenRecording() | ask.ReopenRecording() | ask.ChoosePolicy() | ask.ChooseCleaning() | ask.Settle():
+            anchor = None
+        case ask.Query() | ask.QueryFraction() | ask.MoveQuery() | ask.Set("attention", "follows"):
+            anchor = here.state.index
+        case _ if anchor is None and here.state.query is not None:
+            anchor = here.state.index
+    return slice_ if anchor == slice_.anchor else replace(slice_, anchor=anchor)
+
+
+def _reduced(slice_: AttentionState, intent: Any, here: Here) -> AttentionState:
     match intent:
         case OpenSite():
             return _opened(slice_, intent.site)
         case OpenHead(site, head):
             return replace(_opened(slice_, site), head=head if 0 <= head < MOST_HEADS else None)
-        case PinMap(slot):
-            pinned = _pinned(slice_, here)
+        case StepSite(by) if slice_.sites:
+            at = slice_.sites.index(slice_.site) if slice_.site in slice_.sites else 0
+            return replace(slice_, site=slice_.sites[(at + by) % len(slice_.sites)])
+        case StepHead(by) if slice_.num_heads:
+            is_one = slice_.head is not None and slice_.head < slice_.num_heads
+            at = (slice_.head if is_one and slice_.head is not None else slice_.num_heads) + by
+            at %= slice_.num_heads + 1
+            return replace(slice_, head=None if at == slice_.num_heads else at)
+        case ask.NetworkKnown(sites, num_heads):
+            return replace(slice_, sites=sites, num_heads=num_heads)
+        case ask.ChooseModel(model_id) if model_id != here.state.model_id:
+            return replace(slice_, sites=(), num_heads=0)
+        case PinMap(slot, query):
+            pinned = _pinned(slice_, here, query)
             held = {"pin_a": pinned} if slot == "a" else {"pin_b": pinned}
             return slice_ if pinned is None else replace(slice_, compare=slot, **held)
         case Unpin(slot):
@@ -171,7 +231,7 @@ def _opened(slice_: AttentionState, site: str) -> AttentionState:
         return slice_
 
 
-def _pinned(slice_: AttentionState, here: Here) -> PinnedMap | None:
+def _pinned(slice_: AttentionState, here: Here, query: tuple[int, int] | None) -> PinnedMap | None:
     """The map that is shown; `None` before there is one."""
     state = here.state
     if state.query is None or state.policy is None:
@@ -180,7 +240,7 @@ def _pinned(slice_: AttentionState, here: Here) -> PinnedMap | None:
         state.recording_id, state.model_id, state.precision, state.policy, state.index, cleaning=state.cleaning
     )
     request = changed_request(state.of(InspectState), request)
-    return PinnedMap(request, slice_.site, slice_.head, slice_.gather, slice_.direction, state.query)
+    return PinnedMap(request, slice_.site, slice_.head, slice_.gather, slice_.direction, query or state.query)
 
 
 def other_moment(state: ViewState, request: FrameRequest) -> FrameRequest | None:
@@ -217,17 +277,27 @@ def hear(words: str) -> Any:
     verb, _, rest = words.partition(":")
     match verb:
         case "site":
-            return OpenSite(rest)
+            return StepSite(int(rest)) if rest in ("+1", "-1") else OpenSite(rest)
         case "head":
             site, _, head = rest.partition(":")
             return OpenHead(site, int(head)) if head.isdecimal() and len(head) < 3 else None
-        case "pin" if rest in get_args(Pin):
-            return PinMap(cast("Pin", rest))
+        case "pin":
+            return _pin_heard(rest)
         case "unpin" if rest in get_args(Pin):
             return Unpin(cast("Pin", rest))
         case "compare" if rest in ("none", *get_args(Pin)):
             return Compare(cast("Literal['none']", rest))
     return None
+
+
+def _pin_heard(words: str) -> PinMap | None:
+    """ "a", or "a:20,9" of a pixel that is not the chosen one."""
+    slot, *pixel = words.split(":")
+    x, _, y = pixel[0].partition(",") if len(pixel) == 1 else ("", "", "")
+    is_pixel = x.isdecimal() and y.isdecimal() and len(x) < 6 and len(y) < 6
+    if slot not in get_args(Pin) or (pixel and not is_pixel):
+        return None
+    return PinMap(cast("Pin", slot), (int(x), int(y)) if is_pixel else None)
 
 
 def look_in(state: ViewState, is_linear_light: bool) -> AttentionLook | None:

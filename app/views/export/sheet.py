@@ -89,7 +89,7 @@ def _maps(ready: Ready, attention: Attention, look: AttentionLook) -> Section:
         tiles: list[Tile | None] = []
         for part, layer, kind in layers:
             name = sites.get(Site(scale, part, layer, kind))
-            title = f"{part.capitalize()} {layer + 1}, {kind}" if not rows else ""
+            title = f"{part.capitalize()} {layer}, {kind}" if not rows else ""
             tiles.append(None if name is None else Tile(_map(ready, attention, look, name), title))
         rows.append(Row(tiles, resolution(scale)))
     who = head_words(look.head, look.gather)

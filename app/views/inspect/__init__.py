@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from app.state import intents as ask
+from app.views.inspect.commands import COMMANDS
 from app.views.inspect.state import InspectState, changed_request, hear, reduce_inspect
 from app.views.view import View
 
@@ -58,4 +59,5 @@ VIEW = View(
     change_request=changed_request,
     cloud=_cloud,
     over_timeline=_over_timeline,
+    commands=COMMANDS,
 )

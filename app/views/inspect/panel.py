@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import viser
@@ -10,10 +11,12 @@ from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import FrameRequest
 from app.html.attention.maps import base_url
+from app.html.attention.not_maps import explained_html, not_icon
 from app.html.controls import choose_pixel, stale_line, under_way
 from app.html.elements import empty, escape, icon_button, panel
 from app.html.moment import Moment
 from app.views.attention.state import AttentionState, look_of
+from app.views.events.state import EventsState
 from app.views.inspect.html.attribution import traced_html
 from app.views.inspect.html.causes import pixel_first, search_html, sources_html, spread_html, twin_html
 from app.views.inspect.html.change import change_html
@@ -58,14 +61,17 @@ def _asked(page: Page) -> tuple[object, ...]:
     inside = page.state.of(InspectState)
     found = tuple(result for slot, result in page.results.items() if slot.startswith("inspect."))
     moment = page.state.index if inside.opened == "twin" else page.moment is None
-    return inside, page.state.of(AttentionState), page.state.query, page.state.recording_id, moment, found
+    state = page.state
+    return inside, state.of(AttentionState), state.query, state.recording_id, state.model_id, moment, found
 
 
 def inspector_html(page: Page) -> str:
     """The open inspector with its lines of Python, or what to do; a sentence where a network has nothing for it."""
-    inside = page.state.of(InspectState)
-    if page.moment is None:
+    inside, moment = page.state.of(InspectState), page.moment
+    if moment is None:
         return panel("inside-empty", empty("No recording", page.trouble or "Choose one in the bar."))
+    # An answer stays until the next one has come; that of a former network would stand under the new one's name.
+    page = replace(page, results={slot: held for slot, held in page.results.items() if page.is_about(held.job.request)})
     lacks = _lacks(page)
     change = inside.change.at(page.state.index)
     note = ""
@@ -78,10 +84,14 @@ def inspector_html(page: Page) -> str:
         return note + bars + code_of(page) + list_html(lacks)
     title, _ = INSPECTORS[inside.opened]
     back = icon_button("set:inspect.opened:none", "previous", "All inspectors")
-    head = panel("inspector-title", f'<div class="et-inspector-head">{back}<h4>{title}</h4></div>')
+    has_maps = inside.opened in ("matters", "rollout", "time")
+    about = not_icon(f"set:inspect.shows_not:{not inside.shows_not}", inside.shows_not) if has_maps else ""
+    head = panel("inspector-title", f'<div class="et-inspector-head">{back}<h4>{title}</h4>{about}</div>')
+    if has_maps and inside.shows_not:
+        head += panel("not-maps", explained_html())
     if said := lacks.get(NEEDS.get(inside.opened, ""), ""):
         return head + panel("lacking", empty("Nothing to show", f"{said}."))
-    return head + note + _opened(page, page.moment) + code_of(page)
+    return head + note + _opened(page, moment) + code_of(page)
 
 
 def _lacks(page: Page) -> dict[str, str]:
@@ -104,7 +114,7 @@ def _opened(page: Page, moment: Moment) -> str:
         case "memory":
             return _memory(page)
         case "rollout" | "time":
-            return _paths(page)
+            return _paths(page, moment)
     return _causes(page, moment)
 
 
@@ -117,10 +127,7 @@ def _causes(page: Page, moment: Moment) -> str:
             found = _about(page.results.get("inspect.sources"), pixel=query)
             return _awaited(found, "ablating one part after the other", page) + sources_html(_value(found))
         case "search":
-            found = _about(page.results.get("inspect.search"), pixel=query, tolerance=inside.tolerance / 1000)
-            waits = _awaited(found, "zeroing the state at one window after the other", page)
-            is_whole = found is not None and found.is_whole
-            return waits + search_html(_value(found), is_whole, inside.tolerance, moment)
+            return _search(page, moment)
         case "spread":
             found = page.results.get("inspect.spread")
             waits = _awaited(found, "leaving events out at random", page)
@@ -136,7 +143,22 @@ def _causes(page: Page, moment: Moment) -> str:
     if found is not None and found.trouble:
         waits = _awaited(found, "", page)
     key = None if found is None else found.job
-    return twin_html(value, key, change, moment, query, tones_of(page)) + waits
+    parts = page.results.get("inspect.network")
+    anatomy = None if parts is None or parts.value is None else parts.value.anatomy
+    return twin_html(value, key, change, moment, query, tones_of(page), anatomy) + waits
+
+
+def _search(page: Page, moment: Moment) -> str:
+    inside, query, found = page.state.of(InspectState), page.state.query, page.results.get("inspect.search")
+    level = None if inside.zeroes == "all" else int(inside.zeroes)
+    towards = {"any": None, "camera": "camera", "value": inside.wanted / 100}[inside.towards]
+    asked = {"pixel": query, "tolerance": inside.tolerance / 1000, "level": level, "towards": towards}
+    found = _about(found, **asked)
+    waits = _awaited(found, "zeroing the state at one window after the other", page)
+    parts = page.results.get("inspect.network")
+    anatomy = None if parts is None or parts.value is None else parts.value.anatomy
+    is_whole, style = found is not None and found.is_whole, page.state.of(EventsState).event_image
+    return waits + search_html(_value(found), is_whole, inside, moment, anatomy, style)
 
 
 def _matters(page: Page) -> str:
@@ -235,19 +257,22 @@ def _state(page: Page) -> str:
     return shown + strong
 
 
-def _paths(page: Page) -> str:
+def _paths(page: Page, moment: Moment) -> str:
     parts, inside, query = page.results.get("inspect.network"), page.state.of(InspectState), page.state.query
     if (look := look_of(page)) is None or query is None:
         return panel("rolled", choose_pixel("Its attention is then followed through the network."))
     attention = page.state.of(AttentionState)
     if inside.opened == "time":
-        asked = {"pixel": query, "site": attention.site, "head": attention.head, "follows": attention.follows}
+        asked = {"pixel": query, "site": attention.site, "head": attention.head}
+        asked["anchor"] = attention.anchored(page.state.index)
         found = _about(page.results.get("inspect.followed"), **asked)
-        body = _awaited(found, "following it, window by window", page)
+        body = ""
+        if found is None or not found.is_whole or found.trouble:
+            body = _under_way(found, "following it, window by window")
         if found is None or found.value is None or parts is None or parts.value is None:
             return body
         job: Any = found.job
-        return body + followed_html(found.value, job, parts.value.anatomy)
+        return body + followed_html(found.value, job, parts.value.anatomy, moment, look)
     found = _about(page.results.get("inspect.rolled"), pixel=query, discard=inside.discard / 100, fusion=inside.fusion)
     body = _awaited(found, "multiplying the maps of all layers", page)
     if page.ready is None or page.ready.attention is None:
@@ -264,12 +289,17 @@ def _memory(page: Page) -> str:
     return body + remembered_html(found.value, found.job, page.state.query)
 
 
+def _under_way(found: JobResult | None, what: str) -> str:
+    """How far an answer has come, or why there will be none."""
+    if found is not None and found.trouble:
+        return panel("awaited", f'<div class="et-say" data-testid="lacks">{escape(found.trouble)}</div>')
+    return panel("awaited", under_way(0.0 if found is None else found.share, what))
+
+
 def _awaited(found: JobResult | None, what: str, page: Page) -> str:
     """How far an answer has come, which window it is about, or why there will be none."""
-    if found is None:
-        return panel("awaited", under_way(0.0, what))
-    if found.trouble:
-        return panel("awaited", f'<div class="et-say" data-testid="lacks">{escape(found.trouble)}</div>')
+    if found is None or found.trouble:
+        return _under_way(found, what)
     lag = stale_line(_request(found).index, page.state.index)
     waits = "" if found.is_whole else under_way(found.share, what)
     return panel("awaited", lag or waits) if lag or waits else ""

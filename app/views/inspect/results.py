@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float32, Int64
 
 if TYPE_CHECKING:
     from etnet.events.events import Events
+    from etnet.inspection.causal_search import CausalSearch
     from etnet.nets.attention import Attention
 
 Picture = Float32[np.ndarray, "h w"]
@@ -38,6 +39,8 @@ class AblatedParts:
 
     differences: dict[str, Picture]
     """By "TPA", "skip 0", …, "events now", "state before"."""
+    levels: tuple[int, ...] = ()
+    """Whose state is zeroed as "state before"."""
 
     def at(self, name: str, pixel: tuple[int, int]) -> float:
         """What a part moves a pixel by."""
@@ -69,6 +72,14 @@ class TwinFound:
         off = [i for i in range(len(self.indices)) if np.abs(self.changed[i] - self.original[i]).max() > tolerance]
         first = off[-1] + 1 if off else 0
         return self.indices[first] if first < len(self.indices) else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CauseFound:
+    """A causal search so far, and the value that the pixel should have: `None` where any change counts."""
+
+    search: CausalSearch
+    towards: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

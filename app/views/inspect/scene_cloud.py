@@ -21,7 +21,9 @@ def scene_cloud(page: Page) -> Callable[[int], EventCloud] | None:
     """The cloud of the current window's attribution; `None` while there is none."""
     found, moment = page.results.get("inspect.traced"), page.moment
     traced = None if found is None else found.value
-    if found is None or moment is None or not isinstance(traced, Traced) or traced.windows[-1].index != moment.index:
+    if found is None or moment is None or not isinstance(traced, Traced):
+        return None
+    if traced.windows[-1].index != moment.index or not page.is_about(found.job.request):
         return None
     return partial(traced_cloud, traced, found.job)
 

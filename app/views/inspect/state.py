@@ -27,6 +27,8 @@ Fusion = Literal["mean", "max", "min"]
 Scope = Literal["window", "on", "once"]
 """A change holds in each window by itself, from a window on, or in one window of which the memory then recovers."""
 
+Towards = Literal["any", "camera", "value"]
+
 LEVELS, SCALES, SKIPS = range(1, 4), range(4), range(4)
 MOST_CHANNELS, MOST_BACK = 1024, 8
 JITTERS = (1_000, 5_000, 20_000)
@@ -91,6 +93,10 @@ class InspectState:
     """While a key is held: the page as it is without the change."""
     shows_code: bool = False
     """Whether the lines of Python that give what the open inspector shows stand below it."""
+    shows_not: bool = False
+    """Whether what attention maps are not stands above an inspector's maps."""
+    lines: str = text("", longest=40)
+    """Which of its numbers the lines give; the inspector's first where it has none such."""
     num_back: int = whole(2, 0, MOST_BACK)
     level: int = whole(1, 1, 3)
     plane: Plane = "hidden"
@@ -101,6 +107,12 @@ class InspectState:
     fusion: Fusion = "mean"
     tolerance: int = whole(50, 1, 500)
     """Thousandths of full brightness by which a pixel has to change for the causal search."""
+    zeroes: Literal["all", "1", "2", "3"] = "all"
+    """The recurrent levels whose state a causal search zeroes."""
+    towards: Towards = "any"
+    """What a causal search wants the pixel to be: anything else, as the camera saw it, or a value (`wanted`)."""
+    wanted: int = whole(50, 0, 100)
+    """Per cent of full brightness that the pixel should have."""
 
 
 @dataclass(frozen=True, slots=True)

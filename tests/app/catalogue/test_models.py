@@ -9,8 +9,10 @@ import pytest
 from app.catalogue.recordings import Catalogue
 from app.config import ViewerConfig
 from app.engine.engine import Engine
+from app.engine.playbacks import load_network
 from app.engine.requests import FrameRequest
 from etnet.errors import ModelError, WeightsError
+from etnet.inspection.anatomy import anatomy_of
 from etnet.nets.own import load_own
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
@@ -55,6 +57,12 @@ def test_the_documented_function_is_the_main_network_of_the_viewer(own, tmp_path
             if index == 4:
                 assert early.frame == pytest.approx(1 / (1 + np.exp(-brightness)), abs=1e-5)
         assert late.frame == pytest.approx(1 / (1 + np.exp(-brightness)), abs=1e-5)
+
+
+def test_a_network_of_ones_own_has_one_name_in_the_list_and_in_every_inspector(own, tmp_path):
+    write_event_utils(made_up(), tmp_path / "recording.h5")
+    entry = Catalogue(ViewerConfig(file=tmp_path / "recording.h5", model=str(own))).models()[0]
+    assert anatomy_of(load_network(entry, "fp32", "cpu")).name == entry.title == "my_network"
 
 
 @pytest.mark.parametrize(("text", "said"), [

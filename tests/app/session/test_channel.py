@@ -5,7 +5,7 @@ import pytest
 from app.session.channel import AskHelp, Copied, FollowLink, Hello, RemoveFile, Resized, Touched, parse
 from app.state import intents as ask
 from app.views import VIEWS
-from app.views.attention.state import OpenSite, PinMap, Unpin
+from app.views.attention.state import OpenSite, PinMap, StepSite, Unpin
 from app.views.compare.state import AddRun, ChangeRun, RemoveRun, StartCold
 from app.views.inspect.state import ResetAll, Switch
 from app.views.recording.state import Trim
@@ -28,6 +28,9 @@ SAID = {
     "pick|set:inspect.part:skip 1|0|0|1": ask.Set("inspect", "part", "skip 1", is_word=True),
     f"pick|attention:site:{SITE}|0.1|0.1|18": OpenSite(SITE),
     "pick|attention:pin:a|0.1|0.1|18": PinMap("a"),
+    "pick|attention:pin:a:23,9|0.1|0.1|18": PinMap("a", (23, 9)),
+    "pick|attention:site:+1|0|0|1": StepSite(1),
+    "pick|attention:site:-1|0|0|1": StepSite(-1),
     "pick|attention:unpin:b|0|0|1": Unpin("b"),
     "pick|inspect:switch:head x 3|0|0|1": Switch("head x 3"),
     "pick|inspect:reset|0|0|1": ResetAll(),

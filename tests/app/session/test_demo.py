@@ -14,6 +14,7 @@ from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
 from app.session import demo
 from app.session.booth import Booth
+from app.session.commands import PUBLIC_COMMANDS
 from app.session.demo import (
     BURST,
     IDLE,
@@ -28,7 +29,6 @@ from app.session.demo import (
     steps_of,
 )
 from app.session.jobs import JobNews
-from app.session.layout import PUBLIC_COMMANDS
 from app.state import intents as ask
 from app.state.link import to_link
 from app.state.view_state import Limits, ViewState

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from app.html.attention.changed import changed_at
+from app.html.attention.look import Order
 from app.html.attention.maps import (
     Site,
     base_url,
@@ -16,12 +17,12 @@ from app.html.attention.maps import (
     site_words,
     tokens_words,
 )
-from app.html.controls import button
-from app.html.elements import ON_PICK, escape, icon_button, panel, segmented
+from app.html.controls import button, percent
+from app.html.elements import ON_PICK, escape, icon_button, panel, select
 from app.html.moment import PICTURES
-from app.html.units import resolution, short
+from app.html.units import resolution
 from app.views.attention.html.dots import dots_html
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.state import AttentionState
 from app.views.page import Page
 from etnet.render.attention import times_uniform
@@ -31,8 +32,13 @@ _ALIKE = 2.0
 _ALIKE_WORDS = "Every site attends to all tokens almost alike here: its attention tells little."
 LOUD = 0.25
 """Of the strongest head's effect: from there on a bar is drawn in the accent."""
-_ORDERS = {"network": "network", "effect": "effect", "entropy": "entropy", "distance": "distance"}
-Effects = Float[np.ndarray, "sites heads"]
+_ORDERS: dict[Order, str] = {
+    "network": "in network order",
+    "effect": "by effect on pixel",
+    "image": "by effect on image",
+    "entropy": "by entropy",
+    "distance": "by distance",
+}
 
 
 def atlas_html(page: Page) -> tuple[str, str, str]:
@@ -42,24 +48,25 @@ def atlas_html(page: Page) -> tuple[str, str, str]:
     tools = _tools(slice_)
     if shown is None:
         return "", tools, panel("attention", missing(page, is_brief=True))
-    effects = effects_of(shown)
-    note = _bars_note(effects)
+    effects = measured_of(shown)
+    where = "on the image" if shown.look.order == "image" else "on this pixel"
+    note = _bars_note(effects, where)
     style = f"--base:url({base_url(shown.ready, shown.attention, shown.look.tones)})"
     if slice_.shows_dots:
-        note, body = "size: effect on this pixel when masked; ring: on the image", dots_html(shown, effects)
+        note, body = "size: effect on this pixel when masked; ring: on the image", dots_html(shown, effects_of(shown))
     elif only := narrowed(shown):
-        note, body = "effect on this pixel when masked", _heads_grid(shown, effects, only)
+        note, body = f"effect {where} when masked", _heads_grid(shown, effects, only)
     else:
         body = _grid(shown, effects)
     return _progress(shown) + note, tools, panel("attention", body, _alike(shown), style=style)
 
 
-def _bars_note(effects: dict[str, np.ndarray]) -> str:
+def _bars_note(effects: dict[str, np.ndarray], where: str) -> str:
     """What the bars say, and how much the tallest is; whole under the pointer, because the header is narrow."""
     most = _largest(effects)
-    tallest = f", tallest {most:.4f}" if most > 0 else ""
-    whole = f"bars: effect of each head on this pixel when masked{tallest}"
-    return f'<span title="{whole}">bars: effect when masked{tallest}</span>'
+    tallest = f", tallest {percent(most, is_signed=False)}" if most > 0 else ""
+    whole = f"bars: effect of each head {where} when masked{tallest}"
+    return f'<span title="{whole}">bars: effect {where}{tallest}</span>'
 
 
 def _largest(effects: dict[str, np.ndarray]) -> float:
@@ -68,7 +75,7 @@ def _largest(effects: dict[str, np.ndarray]) -> float:
 
 def _tools(slice_: AttentionState) -> str:
     """The order of maps, or the plot; and back from a part of the atlas to all of it."""
-    words = {f"set:attention.order:{name}": said for name, said in _ORDERS.items()}
+    words = {str(name): said for name, said in _ORDERS.items()}
     narrow = button("all sites", "set:attention.only:") if slice_.only and not slice_.shows_dots else ""
     dots = icon_button(
         f"set:attention.shows_dots:{not slice_.shows_dots}",
@@ -76,8 +83,8 @@ def _tools(slice_: AttentionState) -> str:
         "All heads as dots: entropy by distance",
         is_on=slice_.shows_dots,
     )
-    order = "" if slice_.shows_dots else segmented("Order", words, f"set:attention.order:{slice_.order}")
-    return narrow + order + dots
+    order = "" if slice_.shows_dots else select("Order", "set:attention.order", words, slice_.order)
+    return narrow + order + dots + not_button(slice_)
 
 
 def narrowed(shown: Shown) -> tuple[str, ...]:
@@ -88,24 +95,50 @@ def narrowed(shown: Shown) -> tuple[str, ...]:
 
 
 def _heads_grid(shown: Shown, effects: dict[str, np.ndarray], sites: tuple[str, ...]) -> str:
-    """Each head of some sites by itself: a column for each site, a row for each head."""
+    """Each head of some sites by itself: a column for each site, a row for each head; or in an order of their own."""
     style = f"--columns:{len(sites)};--rows:{shown.num_heads}"
-    places = [Site.of(name) for name in sites]
-    heads = (f"{resolution(each.scale)} {each.part[:3]} {each.layer + 1}<br>{each.kind}" for each in places)
-    cells = ["<div class=et-head>head</div>", *(f'<div class="et-head">{words}</div>' for words in heads)]
-    look = shown.look
-    for head in range(shown.num_heads):
+    heads = range(shown.num_heads)
+    if shown.look.order != "network":
+        both = sorted(((name, head) for head in heads for name in sites), key=lambda one: _rank(shown, effects, *one))
+        drawn = "".join(_head_cell(shown, effects, name, head, f"{_short(name)} · {head}") for name, head in both)
+        return f'<div class="et-sites et-atlas et-sorted et-by-head" style="{style}">{drawn}</div>'
+    named = (f'<div class="et-head">{_short(name).rpartition(" ")[0]}<br>{Site.of(name).kind}</div>' for name in sites)
+    cells = ["<div class=et-head>head</div>", *named]
+    for head in heads:
         cells.append(f'<div class="et-name"><b>{head}</b></div>')
-        for name in sites:
-            row = rows_of(shown.ready, shown.attention, name, look.query, look.direction)[head]
-            map_ = map_html(shown.attention, row, look, f"{name}, head {head}", f"attention:head:{name}:{head}")
-            mark = " et-chosen" if (name, head) == (shown.site, look.head) else ""
-            if (name, head) in shown.ready.request.intervention.masked_heads:
-                mark += " et-muted"
-            value = effects.get(name)
-            said = "…" if value is None or np.isnan(value[head]) else effect_words(float(value[head]))
-            cells.append(f'<div class="et-thumb{mark}">{map_}<span class="et-label">{said}</span></div>')
+        cells += [_head_cell(shown, effects, name, head) for name in sites]
     return f'<div class="et-sites et-atlas et-by-head" style="{style}">{"".join(cells)}</div>'
+
+
+def _head_cell(shown: Shown, effects: dict[str, np.ndarray], name: str, head: int, which: str = "") -> str:
+    look = shown.look
+    row = rows_of(shown.ready, shown.attention, name, look.query, look.direction)[head]
+    map_ = map_html(shown.attention, row, look, f"{name}, head {head}", f"attention:head:{name}:{head}")
+    mark = " et-chosen" if (name, head) == (shown.site, look.head) else ""
+    if (name, head) in shown.ready.request.intervention.masked_heads:
+        mark += " et-muted"
+    value = effects.get(name)
+    said = "…" if value is None or np.isnan(value[head]) else effect_words(float(value[head]))
+    label = f"{which} {said}" if which else said
+    return f'<div class="et-thumb{mark}">{map_}<span class="et-label">{label}</span></div>'
+
+
+def _rank(shown: Shown, effects: dict[str, np.ndarray], name: str, head: int) -> float:
+    """Of one head in the chosen order; those that are not measured come last."""
+    if shown.look.order in ("effect", "image"):
+        value = effects.get(name)
+        return 1.0 if value is None or np.isnan(value[head]) else -abs(float(value[head]))
+    row = rows_of(shown.ready, shown.attention, name, shown.look.query, shown.look.direction)[head]
+    bits, pixels = map_facts(shown.attention, row, shown.look.query)
+    return bits if shown.look.order == "entropy" else -pixels
+
+
+def measured_of(shown: Shown) -> dict[str, Float[np.ndarray, " heads"]]:
+    """What bars and numbers stand for: the effect on the pixel, or, in the order of that, on the image."""
+    atlas = shown.result("atlas")
+    if shown.look.order != "image" or atlas is None:
+        return effects_of(shown)
+    return dict(zip(atlas.sites, atlas.on_image.numpy(), strict=True))
 
 
 def effects_of(shown: Shown) -> dict[str, Float[np.ndarray, " heads"]]:
@@ -120,7 +153,7 @@ def effects_of(shown: Shown) -> dict[str, Float[np.ndarray, " heads"]]:
 def _progress(shown: Shown) -> str:
     atlas = shown.result("atlas")
     if atlas is None:
-        found = shown.page.results.get("attention.atlas")
+        found = shown.found("atlas")
         return f"{escape(found.trouble)} · " if found is not None and found.trouble else "waiting · "
     done, wanted = atlas.progress
     return "" if atlas.is_whole else f'<span data-testid="atlas-progress">{done} of {wanted}</span> · '
@@ -141,7 +174,7 @@ def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
     cells = ["<span></span>"]
     cells += [
         f'<button class="et-head et-narrow" data-k="set:attention.only:{part}.{layer}.{kind}" {ON_PICK}'
-        f' title="Its heads, one by one">{short_names.get(part, part)} {layer + 1}<br>{kind}</button>'
+        f' title="Its heads, one by one">{short_names.get(part, part)} {layer}<br>{kind}</button>'
         for part, layer, kind in layers
     ]
     for scale in scales:
@@ -157,8 +190,12 @@ def _grid(shown: Shown, effects: dict[str, np.ndarray]) -> str:
 
 
 def _place(name: str) -> str:
+    return f'<span class="et-label">{_short(name)}</span>'
+
+
+def _short(name: str) -> str:
     site = Site.of(name)
-    return f'<span class="et-label">{resolution(site.scale)} {site.part[:3]} {site.layer + 1} {site.kind}</span>'
+    return f"{resolution(site.scale)} {site.part[:3]} {site.layer} {site.kind}"
 
 
 def _cell(shown: Shown, name: str, effects: dict[str, np.ndarray], largest: float, label: str = "") -> str:
@@ -197,15 +234,15 @@ def bars(effects: Float[np.ndarray, " heads"] | None, largest: float, num_heads:
 
 
 def effect_words(value: float) -> str:
-    """A signed difference of a raw frame (0 … 1)."""
-    return f"{value:+.4f}".replace("-", "−") if abs(value) >= 0.00005 else "0.0000"
+    """A signed difference of a raw frame, of full brightness."""
+    return percent(value)
 
 
 def _sorted(shown: Shown, effects: dict[str, np.ndarray]) -> list[str]:
     """Sites by their strongest head's effect, by how sharp their map is, or by how far it reaches."""
 
     def place(name: str) -> float:
-        if shown.look.order == "effect":
+        if shown.look.order in ("effect", "image"):
             row = effects.get(name)
             return -float(np.nanmax(np.abs(row))) if row is not None and not np.isnan(row).all() else 0.0
         row = row_of(shown.ready, shown.attention, name, shown.look)
@@ -224,7 +261,8 @@ def _alike(shown: Shown) -> str:
         if max(here, image) < 0.005:
             return (
                 '<div class="et-note" data-testid="alike">With all attention made uniform this pixel moves by '
-                f"{short(here)} and the image by {short(image)}: maps explain little here.</div>"
+                f"{percent(here, is_signed=False)} and the image by {percent(image, is_signed=False)}: maps explain "
+                "little here.</div>"
             )
     rows = (row_of(shown.ready, shown.attention, name, shown.look) for name in shown.attention.sites)
     if all(times_uniform(row).max() < _ALIKE for row in rows):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from app.html.controls import percent
 from app.html.elements import ON_PICK, escape
 from app.html.moment import ARRAYS
 from app.html.units import resolution
@@ -20,7 +21,7 @@ _WIDTH, _HEIGHT, _LEFT, _BELOW = 700, 400, 44, 36
 
 def dots_html(shown: Shown, effects: Effects) -> str:
     """A plot with a dot for each head; a click opens it. Before its effect is measured a dot is a small circle."""
-    entropy, distance = _table(shown)
+    entropy, distance = table_of(shown)
     atlas = shown.result("atlas")
     image: Effects = {} if atlas is None else dict(zip(atlas.sites, atlas.on_image.numpy(), strict=True))
     largest = _largest(effects), _largest(image)
@@ -33,7 +34,7 @@ def dots_html(shown: Shown, effects: Effects) -> str:
             y = 12 + (_HEIGHT - _BELOW - 12) * (1 - sharp / bits)
             here, whole = _value(effects, site, head), _value(image, site, head)
             radius = _radius(here, largest[0])
-            words = f"{site}, head {head}: {sharp:.2f} bits, {far:.0f} px; {_said(here)}"
+            words = f"{site}, head {head}: {sharp:.2f} bits, {far:.0f} px; {_said(here, whole)}"
             is_chosen = (site, head) == (shown.site, shown.look.head)
             rings = f"{x:.1f}", f"{y:.1f}", radius, _radius(whole, largest[1]), not np.isnan(here)
             dots.append((-radius, _dot(site, head, words, *rings, is_chosen)))
@@ -54,7 +55,7 @@ def _dot(
     )
 
 
-def _table(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
+def table_of(shown: Shown) -> tuple[np.ndarray, np.ndarray]:
     """Entropy and distance of each site's heads from this token."""
     from etnet.inspection.atlas import head_table
 
@@ -70,8 +71,10 @@ def _value(effects: Effects, site: str, head: int) -> float:
     return float("nan") if row is None else float(row[head])
 
 
-def _said(value: float) -> str:
-    return "not measured yet" if np.isnan(value) else f"{value:+.4f} at this pixel".replace("-", "−")
+def _said(value: float, image: float) -> str:
+    if np.isnan(value):
+        return "not measured yet"
+    return f"{percent(value)} at this pixel, {percent(image, is_signed=False)} of the image"
 
 
 def _largest(effects: Effects) -> float:

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from app.html.attention.changed import site_name
-from app.html.attention.maps import head_words
+from app.html.attention.maps import gathered, head_words
 from app.html.units import count
 from app.views.attention.html.shown import Shown
-from app.views.attention.jobs.time import PinJob
+from app.views.attention.jobs.time import FoundPin, PinJob
 from app.views.attention.state import PinnedMap
+from app.views.naming import title_of
+from app.views.page import Page
 
 if TYPE_CHECKING:
     from etnet.inspection.pins import MapDifference, Pin
+    from etnet.nets.runtime import Contract
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,15 +26,18 @@ class Difference:
     slot: Literal["a", "b"]
     pinned: PinnedMap
     found: MapDifference
+    contract: Contract
+    """Under which the pin's map was computed."""
 
 
-def pin_words(pinned: PinnedMap) -> str:
+def pin_words(page: Page, pinned: PinnedMap) -> str:
     """What a pin holds: moment, network, site, head, query."""
     x, y = pinned.query
     head = head_words(pinned.head, pinned.gather)
-    return (
-        f"window {count(pinned.request.index)} · {pinned.request.model_id} · {site_name(pinned.site)}, {head},"
-        f" {pinned.direction} · pixel {x}, {y}"
+    model = title_of(page, pinned.request.model_id)
+    whose = "what pixel {} attends to" if pinned.direction == "attends to" else "what attends to pixel {}"
+    return f"window {count(pinned.request.index)} · {model} · {site_name(pinned.site)}, {head} · " + whose.format(
+        f"{x}, {y}"
     )
 
 
@@ -41,17 +47,17 @@ def difference_of(shown: Shown) -> Difference | None:
     found = shown.page.results.get("attention.pin")
     if slice_.pinned is None or found is None or found.value is None or found.job != PinJob(slice_.pinned):
         return None
-    then: Pin = found.value
-    if then.grid != shown.grid:
+    held: FoundPin = found.value
+    if held.pin.grid != shown.grid:
         return None
     from etnet.inspection.pins import difference
 
     slot: Literal["a", "b"] = "a" if slice_.compare == "a" else "b"
-    return Difference(slot, slice_.pinned, difference(now_of(shown), then))
+    return Difference(slot, slice_.pinned, difference(now_of(shown), held.pin), held.contract)
 
 
 def now_of(shown: Shown) -> Pin:
-    """The current map as a pin."""
+    """The current map as a pin: its weights, because a pin holds weights, whatever else is shown of rows."""
     import torch
 
     from etnet.inspection.pins import Pin
@@ -68,7 +74,7 @@ def now_of(shown: Shown) -> Pin:
         shown.site,
         look.gather if look.head is None else look.head,
         look.direction,
-        torch.from_numpy(shown.row().copy()),
+        torch.from_numpy(gathered(shown.weights(), look.head, look.gather).copy()),
         torch.from_numpy(ready.frame.copy()),
         shown.grid,
     )

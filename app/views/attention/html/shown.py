@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkParts
 from app.engine.requests import Ready
 from app.html.attention.look import AttentionLook
 from app.html.attention.maps import gathered, rows_of, site_in
+from app.html.attention.not_maps import not_icon
 from app.html.controls import under_way
 from app.html.elements import empty
 from app.html.moment import ARRAYS
@@ -19,6 +21,7 @@ from app.html.units import milliseconds
 from app.views.attention.jobs.site import SiteFacts, site_of_word
 from app.views.attention.state import AttentionState, look_of
 from app.views.page import Page
+from app.views.stretch import Path
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
@@ -26,13 +29,60 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """The maps that can be drawn now."""
+class Seen:
+    """A frame, the pixel that was chosen on it, and what is known by now; of any network."""
 
     page: Page
     slice_: AttentionState
     look: AttentionLook
     ready: Ready
+
+    @property
+    def site(self) -> str:
+        """The chosen site."""
+        return self.slice_.site
+
+    @property
+    def path(self) -> Path:
+        """Where the followed patch lies in the windows around the current one, as far as that is known."""
+        result, anchor = self.found("path"), self.slice_.anchored(self.page.state.index)
+        job: Any = None if result is None else result.job
+        if result is None or result.value is None or (job.pixel, job.anchor) != (self.page.state.query, anchor):
+            return {}
+        return result.value
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the followed patch is not on the sensor in this window."""
+        result = self.found("path")
+        is_known = result is not None and result.is_whole and bool(self.path)
+        return is_known and self.ready.request.index not in self.path
+
+    def found(self, slot: str) -> JobResult | None:
+        """What is known of a job; `None` where it was found of another network, recording or plan of windows."""
+        found = self.page.results.get(f"attention.{slot}")
+        return found if found is not None and found.job.request.playback == self.ready.request.playback else None
+
+    def result(self, slot: str, **asked: object) -> Any:
+        """What a job has found, if it answers what is asked now; `None` before that."""
+        found = self.found(slot)
+        if found is None or any(getattr(found.job, name) != value for name, value in asked.items()):
+            return None
+        request = found.job.request
+        if slot in ("site", "tokens"):
+            return found.value if request.frame == self.ready.request.frame else None
+        return found.value if request.index == self.ready.request.index or slot == "basis" else None
+
+    def feature(self, slot: Literal["tokens", "basis"]) -> Any:
+        """The chosen feature's map, or its basis of colours."""
+        word = self.slice_.feature
+        return self.result(slot, site=site_of_word(word, self.slice_.site), word=word)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown(Seen):
+    """The same with the maps of a network that has attention."""
+
     attention: Attention
 
     @property
@@ -60,33 +110,31 @@ class Shown:
         """Heads of a site."""
         return len(self.attention.queries[self.site])
 
-    def result(self, slot: str, **asked: object) -> Any:
-        """What a job has found, if it answers what is asked now; `None` before that."""
-        found = self.page.results.get(f"attention.{slot}")
-        if found is None or any(getattr(found.job, name) != value for name, value in asked.items()):
-            return None
-        request = found.job.request
-        if slot in ("site", "tokens"):
-            return found.value if request.frame == self.ready.request.frame else None
-        return found.value if request.index == self.ready.request.index or slot == "basis" else None
+    @property
+    def uses_values(self) -> bool:
+        """Whether maps are what is handed over, not weights: chosen, of a row, and known by now."""
+        return self._facts_of_values is not None
 
-    def feature(self, slot: Literal["tokens", "basis"]) -> Any:
-        """The chosen feature's map, or its basis of colours."""
-        word = self.slice_.feature
-        return self.result(slot, site=site_of_word(word, self.slice_.site), word=word)
+    @property
+    def _facts_of_values(self) -> SiteFacts | None:
+        if self.slice_.weight != "value" or self.look.direction != "attends to":  # values are mixed along rows alone
+            return None
+        return self.result("site", site=self.slice_.site)
+
+    def weights(self) -> Float[np.ndarray, "heads tokens"]:
+        """The chosen site's weights of each head, in the direction that is looked in."""
+        return rows_of(self.ready, self.attention, self.site, self.look.query, self.look.direction)
 
     def rows(self) -> Float[np.ndarray, "heads tokens"]:
         """The chosen site's map of each head: weights, or what is handed over by them as shares of it."""
-        if self.slice_.weight == "value" and (facts := self.result("site", site=self.slice_.site)) is not None:
-            return self._handed(facts)[0]
-        return rows_of(self.ready, self.attention, self.site, self.look.query, self.look.direction)
+        facts = self._facts_of_values
+        return self.weights() if facts is None else self._handed(facts)[0]
 
     def row(self) -> Float[np.ndarray, " tokens"]:
         """The chosen map. What all heads together hand over is the norm of their sum: they may cancel."""
-        if self.slice_.weight == "value" and self.slice_.head is None:
-            facts = self.result("site", site=self.slice_.site)
-            if facts is not None and self.slice_.gather == "mean":
-                return self._handed(facts)[1]
+        facts = self._facts_of_values
+        if facts is not None and self.look.head is None and self.look.gather == "mean":
+            return self._handed(facts)[1]
         return gathered(self.rows(), self.look.head, self.look.gather)
 
     def _handed(self, facts: SiteFacts) -> tuple[np.ndarray, np.ndarray]:
@@ -102,10 +150,16 @@ def _handed_over(facts: SiteFacts, site: str, token: int) -> tuple[np.ndarray, n
     return shares[0].cpu().numpy(), shares[1].cpu().numpy()
 
 
+def not_button(slice_: AttentionState) -> str:
+    """What maps are not, in the large map's place: one click from every card."""
+    is_on = slice_.over == "not"
+    return not_icon(f"set:attention.over:{'none' if is_on else 'not'}", is_on)
+
+
 def lacks_attention(page: Page) -> str:
     """Why the page's network has no maps, in one sentence; empty where it has, or while that is not known."""
     found = page.results.get("attention.network")
-    if found is None or not isinstance(found.value, NetworkParts):
+    if found is None or not page.is_about(found.job.request) or not isinstance(found.value, NetworkParts):
         return ""
     return found.value.lacks.get("attention", "")
 
@@ -131,14 +185,31 @@ def missing(page: Page, is_brief: bool = False) -> str:
     return under_way(0.0, f"one decode for the maps of all heads{took}")
 
 
+def seen_of(page: Page) -> Seen | None:
+    """The newest frame with the chosen pixel, which goes with a patch that is followed; `None` before there is one."""
+    look, ready = look_of(page), page.ready
+    if look is None or ready is None:
+        return None
+    seen = Seen(page, page.state.of(AttentionState), look, ready)
+    place = seen.path.get(ready.request.index)
+    return seen if place is None else replace(seen, look=replace(look, query=place))
+
+
 def shown_of(page: Page) -> Shown | None:
     """The maps of the newest frame that has them; `None` where `missing` says why."""
-    look, ready = look_of(page), page.ready
-    if look is None or ready is None or ready.attention is None or not ready.attention.sites:
+    seen = seen_of(page)
+    attention = None if seen is None else seen.ready.attention
+    if seen is None or attention is None or not attention.sites or lacks_attention(page):
         return None
-    if lacks_attention(page):
-        return None
-    shown = Shown(page, page.state.of(AttentionState), look, ready, ready.attention)
-    if look.head is None or look.head < shown.num_heads:
+    shown = Shown(page, seen.slice_, seen.look, seen.ready, attention)
+    if seen.look.head is None or seen.look.head < shown.num_heads:
         return shown
-    return replace(shown, look=replace(look, head=None))  # this network has fewer
+    return replace(shown, look=replace(seen.look, head=None))  # this network has fewer
+
+
+def recurrent_of(page: Page) -> tuple[int, ...]:
+    """Recurrent levels whose hidden state can be shown; none while the network is not known."""
+    found = page.results.get("attention.network")
+    if found is None or not page.is_about(found.job.request) or not isinstance(found.value, NetworkParts):
+        return ()
+    return () if "hidden" in found.value.lacks else found.value.anatomy.levels

@@ -5,13 +5,14 @@ from __future__ import annotations
 from app.html.attention.changed import change_words, since_words
 from app.html.attention.difference import difference_legend
 from app.html.attention.maps import highest_of, map_legend
-from app.html.controls import button, plain_bar
+from app.html.controls import button, percent, plain_bar
 from app.html.elements import escape, icon_button, panel, segmented, select
 from app.html.moment import ARRAYS
-from app.html.units import of_whole
+from app.html.units import count, of_whole
 from app.views.attention.html.pins import difference_of, pin_words
-from app.views.attention.html.shown import Shown, lacks_attention, shown_of
+from app.views.attention.html.shown import Shown, lacks_attention, recurrent_of, shown_of
 from app.views.attention.html.tokens import FEATURES
+from app.views.attention.jobs.site import SiteFacts
 from app.views.attention.state import AttentionState, comparable_runs
 from app.views.compare.state import NAMES
 from app.views.inspect.state import Change, InspectState, is_switched
@@ -31,7 +32,9 @@ SCOPES = {
 def side_html(page: Page) -> str:
     """Everything that is above the widgets; a sentence for a network without attention."""
     if sentence := lacks_attention(page):
-        return panel("attention-tools", f'<div class="et-say" data-testid="lacks">{escape(sentence)}.</div>')
+        said = f'<div class="et-say" data-testid="lacks">{escape(sentence)}.</div>'
+        tokens = _tokens(page, page.state.of(AttentionState)) if recurrent_of(page) else ""
+        return panel("attention-tools", said, tokens)
     slice_, shown = page.state.of(AttentionState), shown_of(page)
     parts = [_query(page, shown, slice_), _map(slice_), _range(shown, slice_)]
     if shown is not None:
@@ -65,13 +68,26 @@ def _query(page: Page, shown: Shown | None, slice_: AttentionState) -> str:
         if pinned is not None:
             options[f"attention:compare:{slot}"] = slot.upper()
             unpin = icon_button(f"attention:unpin:{slot}", "close", f"Unpin {slot.upper()}")
-            words = f"<b>{slot.upper()}</b> {escape(pin_words(pinned))}"
+            words = f"<b>{slot.upper()}</b> {escape(pin_words(page, pinned))}"
             pins.append(f'<div class="et-pin" data-testid="pinned"><span>{words}</span>{unpin}</div>')
     compare = segmented("Compare with", options, f"attention:compare:{slice_.compare}")
     if not pins:
         why = "The pin on the map keeps it with its moment and network"
         compare = f'<span class="et-note" title="{why}">nothing pinned</span>'
-    return f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{token}{_row('Compare with', compare)}{''.join(pins)}"
+    follows = {"set:attention.follows:False": "the pixel", "set:attention.follows:True": "the patch under it"}
+    followed = _row("Stay on", segmented("Stay on", follows, f"set:attention.follows:{slice_.follows}"))
+    if shown is not None:
+        query = shown.look.query
+        anchor = slice_.anchored(page.state.index)
+        if anchor is not None:
+            x, y = page.state.query or query
+            words = f"the patch that lies at {x}, {y} in window {count(anchor)}"
+            if shown.is_lost:
+                words = f"{words} has left the image: this is where it was chosen"
+            followed += f'<div class="et-note" data-testid="followed">Followed: {words}.</div>'
+    return (
+        f"<h4>Query: pixel {query[0]}, {query[1]}</h4>{token}{followed}{_row('Compare with', compare)}{''.join(pins)}"
+    )
 
 
 def _map(slice_: AttentionState) -> str:
@@ -85,7 +101,9 @@ def _map(slice_: AttentionState) -> str:
     ways: dict[object, str] = {"attends to": "attends to", "attended by": "attended by"}
     weights: dict[object, str] = {"alpha": "α", "value": "‖αvW_O‖"}
     weight = _choice("Weight", "weight", weights, slice_.weight)
-    if slice_.direction == "attended by":
+    if slice_.pinned is not None:
+        weight = _row("Weight", '<span class="et-note">α; that is what a pin holds</span>')
+    elif slice_.direction == "attended by":
         weight = _row("Weight", '<span class="et-note">α; values are mixed along rows alone</span>')
     direction = _choice("Direction", "direction", ways, slice_.direction)
     threshold = _choice("Tokens drawn", "keep", KEPT, slice_.keep)
@@ -112,16 +130,18 @@ def _range(shown: Shown | None, slice_: AttentionState) -> str:
 
 def _tokens(page: Page, slice_: AttentionState) -> str:
     """Which vectors similarity and colours are of, and where else similarity is looked for."""
-    features = select(
-        "Vectors", "set:attention.feature", {str(word): said for word, said in FEATURES.items()}, slice_.feature
-    )
-    places: dict[object, str] = {"none": "nowhere", "10 back": "−10", "10 on": "+10"}
+    words = {str(word): said for word, said in FEATURES.items()}
+    if lacks_attention(page):
+        words = {f"hidden {level}": f"recurrent state, level {level}" for level in recurrent_of(page)}
+        words = {"": "choose", **words} if slice_.feature not in words else words
+    features = select("Vectors", "set:attention.feature", words, slice_.feature, off="")
+    places: dict[object, str] = {"none": "none", "10 back": "−10", "10 on": "+10"}
     places |= {slot: slot.upper() for slot, pinned in (("a", slice_.pin_a), ("b", slice_.pin_b)) if pinned is not None}
     places |= {f"run {place}": f"run {NAMES[place]}" for place, _ in comparable_runs(page.state)}
-    said = "Where this token’s vector is found 10 windows back or on, at a pin, or in a run of Compare."
+    said = "Where this token’s vector is found, too: 10 windows back or on, at a pin, or in a run of Compare."
     if slice_.tokens == "pca":
         said = "Colours are fitted to the recording once. Another window stands beside the similarity map alone."
-    also = _choice("Similar also in", "also", places, slice_.also)
+    also = _choice("Also in window", "also", places, slice_.also)
     return f'<h4>Tokens</h4>{_row("Vectors", features)}{also}<div class="et-note">{said}</div>'
 
 
@@ -169,11 +189,15 @@ def _matters(shown: Shown) -> str:
     largest = max((abs(here) for _, here, _ in measured if here is not None), default=0.0)
     rows = "".join(
         f'<span class="et-note">{words}</span><span class="et-measure" data-testid="matters">'
-        + ("<i></i><b>…</b>" if here is None else f"{plain_bar(abs(here), largest)}<b>{abs(here):.4f}</b>")
+        + (
+            "<i></i><b>…</b>"
+            if here is None
+            else f"{plain_bar(abs(here), largest)}<b>{percent(abs(here), is_signed=False)}</b>"
+        )
         + "</span>"
         for words, here, _ in measured
     )
-    images = ", ".join("…" if image is None else f"{image:.4f}" for _, _, image in measured)
+    images = ", ".join("…" if image is None else percent(image, is_signed=False) for _, _, image in measured)
     return (
         f'<h4>Does attention matter here?</h4><div class="et-table et-two et-bars">{rows}</div>'
         f'<div class="et-note">change of this pixel; of the whole image {images}</div>'
@@ -186,7 +210,7 @@ def _not_on_the_map(shown: Shown) -> str:
     if facts is None:
         return ""
     key = ("waste", shown.ready.key, shown.site, shown.token)
-    on_sinks, num_sinks, on_padding, even = ARRAYS.get(key, lambda: _waste(shown, facts))
+    on_sinks, num_sinks, on_padding, even = ARRAYS.get(key, lambda: waste_of(shown, facts))
     sinks = "No token is a sink: none is attended to by nearly all queries."
     if num_sinks:
         sinks = (
@@ -197,7 +221,8 @@ def _not_on_the_map(shown: Shown) -> str:
     return f'<h4>Attention sinks and padding</h4><div class="et-note" data-testid="waste">{sinks} {padding}</div>'
 
 
-def _waste(shown: Shown, facts) -> tuple[float, int, float, float]:
+def waste_of(shown: Shown, facts: SiteFacts) -> tuple[float, int, float, float]:
+    """Of the row: the share on sinks (mean of the heads), the number of sinks, the share on padding; and uniform's."""
     from etnet.inspection.mass import mass_on, padding_shares
 
     rows = facts.attention.rows(shown.site, [shown.token])[:, 0]
@@ -211,14 +236,18 @@ def _scene(page: Page, slice_: AttentionState) -> str:
     """What of this site stands in the event cloud, and why a switch cannot act now."""
     links: dict[object, str] = {False: "off", True: "on"}
     planes: dict[object, str] = {False: "events", True: "maps"}
+    scene, held = page.state.of(SceneState), str(slice_.shows_planes)
     said = "Shown in the event cloud of Inspect."
-    if slice_.shows_planes and page.state.of(SceneState).camera == "front":
+    if not slice_.shows_planes and not scene.shows_events:
+        held = "neither"
+        said = "Events are off in the event cloud, so nothing stands behind the image. Switch them on there."
+    elif slice_.shows_planes and scene.camera == "front":
         said = "Maps stand behind the image; the front view hides them. Choose Perspective or Side in the event cloud."
-    elif not slice_.shows_planes and page.state.of(SceneState).camera == "front":
+    elif scene.camera == "front":
         said = (
             "The front view shows nothing behind the image. Choose Perspective or Side in the event cloud of Inspect."
         )
     return (
         f"<h4>In the event cloud</h4>{_choice('Strongest links', 'shows_links', links, slice_.shows_links)}"
-        f'{_choice("Behind image", "shows_planes", planes, slice_.shows_planes)}<div class="et-note">{said}</div>'
+        f'{_choice("Behind image", "shows_planes", planes, held)}<div class="et-note">{said}</div>'
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.html.attention.changed import changed_at, site_name
 from app.html.attention.difference import difference_tokens
-from app.html.attention.keep import kept_words
+from app.html.attention.keep import kept, kept_words
 from app.html.attention.maps import (
     Site,
     base_url,
@@ -18,28 +18,21 @@ from app.html.attention.maps import (
     tokens_of,
     tokens_words,
 )
+from app.html.attention.not_maps import explained_html
 from app.html.elements import chip, escape, icon_button, panel, picture
 from app.html.moment import PICTURES
 from app.html.pictures import lag_line, reconstruction_image
-from app.html.units import count, resolution
+from app.html.units import count, resolution, significant
 from app.views.attention.html.code import code_block, row_block
 from app.views.attention.html.pins import Difference, difference_of, pin_words
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.state import Over
+from app.views.naming import title_of
 from app.views.page import Page
 from app.views.reconstruction.state import tones_of
 from etnet.render.attention import times_uniform
 from etnet.render.encode import data_url
 from etnet.render.tone import tone_map
-
-NOT = (
-    ("Not the reason for a pixel", "Skips and the upsampler go round TPA. Look at the bars: they are measured."),
-    ("Not the contribution", "α is a mixing weight. ‖αvW_O‖ weighs it by what arrives."),
-    ("Not where in the scene", "After the first layer a token already mixes others."),
-    ("Not unique", "Heads can cancel each other, and a sharp head may write where nothing attends."),
-    ("Not signed", "A weight can brighten or darken. Signs are in ablations and gradients."),
-    ("Not always in known land", "Positions that training never met say more about the position code."),
-)
 
 
 def stage_html(page: Page) -> tuple[str, str, str, str]:
@@ -50,7 +43,7 @@ def stage_html(page: Page) -> tuple[str, str, str, str]:
         return "Attention", "", "", panel("site", lag, _frame(page), missing(page))
     site, head = shown.site, shown.look.head
     note = escape(head_words(head, shown.look.gather, shown.num_heads))
-    over = {"not": lambda _: _explained(), "python": code_block, "row": row_block}.get(shown.slice_.over)
+    over = {"not": lambda _: explained_html(), "python": code_block, "row": row_block}.get(shown.slice_.over)
     if over is not None:
         return site_name(site), note, _tools(shown), panel("site", lag, over(shown))
     return site_name(site), note, _tools(shown), panel("site", lag, _line(shown), _map(shown), _foot(shown))
@@ -70,14 +63,16 @@ def _frame(page: Page) -> str:
 def _tools(shown: Shown) -> str:
     slice_ = shown.slice_
     slot = "a" if slice_.pin_a is None else "b"
+    x, y = shown.look.query
+    where = "" if (x, y) == shown.page.state.query else f":{x},{y}"
 
     def over(word: Over, name: str, title: str) -> str:
         is_on = slice_.over == word
         return icon_button(f"set:attention.over:{'none' if is_on else word}", name, title, is_on=is_on)
 
     return (
-        over("not", "help", "What attention maps are not")
-        + icon_button(f"attention:pin:{slot}", "pin", f"Pin this map with its moment as {slot.upper()}")
+        not_button(slice_)
+        + icon_button(f"attention:pin:{slot}{where}", "pin", f"Pin this map with its moment as {slot.upper()}")
         + over("row", "table", "The row as text: copy, or save as CSV")
         + over("python", "code", "Copy as Python")
     )
@@ -94,11 +89,11 @@ def _instead(shown: Shown) -> str:
     """That the network has not what was chosen, where another one had it."""
     asked, said = shown.slice_, []
     if asked.site != shown.site:
-        said.append(f"no site {asked.site}: this is its first")
+        said.append(f"has no site {asked.site}, so its first one is shown")
     if asked.head is not None and shown.look.head is None:
-        said.append(f"no head {asked.head}: these are all of them")
+        said.append(f"has no head {asked.head}, so all heads are shown")
     model = shown.page.model.title
-    return f'<div class="et-note" data-testid="instead">{escape(model)} has {"; ".join(said)}.</div>' if said else ""
+    return f'<div class="et-note" data-testid="instead">{escape(model)} {"; it ".join(said)}.</div>' if said else ""
 
 
 def library_words(shown: Shown) -> str:
@@ -129,13 +124,16 @@ def _map(shown: Shown) -> str:
     if shown.look.direction == "attends to":
         kept = kept_words(row, shown.look.keep)
         left = f"attends to {reads} · {kept or f'{tokens_words(row)} effective tokens of {num}'}"
+    elif shown.look.head is None and shown.look.gather != "mean":
+        left = f"{shown.look.gather} of the heads, token by token"  # its sum says nothing of what is received
     else:
         left = f"received {float(row.sum()):.2f} × uniform"
     peak = int(row.argmax())
     at = divmod(peak, shown.grid.columns)
+    most = f"peak {significant(times_uniform(row)[peak])} × uniform at token {at[1]}, {at[0]}"
     right = (
         f'<span class="et-chip" data-etv-readout><span data-testid="peak" data-token="{peak}"'
-        f' data-weight="{row[peak]:.7g}">peak {times_uniform(row)[peak]:.3g} × uniform at {at[1]}, {at[0]}</span>'
+        f' data-weight="{row[peak]:.7g}">{most}</span>'
         "</span>"
     )
     badge = f'<span class="et-chip et-exact" data-testid="reads">{escape(left)}</span>'
@@ -145,9 +143,13 @@ def _map(shown: Shown) -> str:
 def _difference(shown: Shown, apart: Difference, base: str) -> str:
     grid, found = shown.grid, apart.found
     ratio = found.log_ratio.cpu().numpy()
+    weights = np.abs(found.difference.cpu().numpy())  # a large ratio of two small weights says little
+    drawn = difference_tokens(ratio, found.limit, grid.rows, grid.columns, shown.look.opacity)
+    if shown.look.keep != "all":
+        drawn[~kept(weights, shown.look.keep).reshape(grid.rows, grid.columns), 3] = 0
     image = large_map(
         grid,
-        difference_tokens(ratio, found.limit, grid.rows, grid.columns, shown.look.opacity),
+        drawn,
         ratio,
         base,
         "now − then",
@@ -159,16 +161,21 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
     frames = "".join(
         f'<figure><span class="et-picture"><img alt="{words}" src="'
         f'{data_url(tone_map(each.frame.float().cpu().numpy(), tones.tone, tones.is_linear_light), False)}"></span>'
-        f'<figcaption class="et-label"><b>{words}</b> window {each.index} · {escape(each.model)}</figcaption></figure>'
-        for words, each in (("now", found.now), ("then", found.then))
+        f'<figcaption class="et-label"><b>{words}</b> window {each.index} · {escape(model)}</figcaption></figure>'
+        for words, each, model in (
+            ("now", found.now, shown.page.model.title),
+            ("then", found.then, title_of(shown.page, apart.pinned.request.model_id)),
+        )
     )
     shared = float(np.minimum(found.now.map.cpu().numpy(), found.then.map.cpu().numpy()).sum())
     said = f"now and {apart.slot.upper()} share {100 * shared:.0f} % of their weight"
+    if left := kept_words(weights, shown.look.keep):
+        said += f" · {left} of the difference"
     badge = f'<span class="et-chip et-plain" data-testid="a-minus-b">{said}</span>'
     readout = '<span class="et-chip" data-etv-readout>point at a token</span>'
     return (
         f"{_staged(shown, image, badge + readout)}"
-        f'<div class="et-pair et-frames-below" title="{escape(pin_words(apart.pinned))}">{frames}</div>'
+        f'<div class="et-pair et-frames-below" title="{escape(pin_words(shown.page, apart.pinned))}">{frames}</div>'
     )
 
 
@@ -203,8 +210,3 @@ def _foot(shown: Shown) -> str:
         f'<div class="et-caption" data-testid="map-facts"><span>{sharp}</span>'
         f'<span title="mean distance"><b>{pixels:.0f}</b> px</span>{total}</div>'
     )
-
-
-def _explained() -> str:
-    rows = "".join(f"<dt>{title}</dt><dd>{words}</dd>" for title, words in NOT)
-    return f'<dl class="et-not" data-testid="not"><h4>What attention maps are not</h4>{rows}</dl>'

@@ -7,13 +7,26 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from app.engine.jobs import JobResult
+from app.html.attention.keep import kept
+from app.html.attention.look import Keep
 from app.html.attention.maps import large_map
+from app.html.controls import button
 from app.html.elements import escape, panel, segmented
 from app.html.units import count, of_whole
 from app.views.attention.html.shelf import waits
-from app.views.attention.html.shown import Shown, missing, shown_of
+from app.views.attention.html.shown import (
+    Seen,
+    lacks_attention,
+    missing,
+    not_button,
+    recurrent_of,
+    seen_of,
+    shown_of,
+)
 from app.views.attention.jobs.site import Tokens, site_of_word
 from app.views.attention.state import AttentionState, FeatureWord, other_moment
+from app.views.naming import title_of
 from app.views.page import Page
 from etnet.render.colours import css_gradient, sequential
 
@@ -35,13 +48,16 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
     slice_ = page.state.of(AttentionState)
     options = {"set:attention.tokens:similarity": "similar", "set:attention.tokens:pca": "PCA"}
     tools = segmented("Tokens", options, f"set:attention.tokens:{slice_.tokens}")
+    tools += not_button(slice_)
     title = "Token similarity" if slice_.tokens == "similarity" else "Tokens as colours"
-    shown = shown_of(page)
+    shown: Seen | None = shown_of(page)
+    if lacks_attention(page) and _is_of_the_state(page):
+        shown = seen_of(page)  # the state is there without attention
     if shown is None:
-        return title, "", tools, panel("tokens", missing(page, is_brief=True))
+        return title, "", tools, panel("tokens", missing(page, is_brief=True), _state_instead(page))
     found = shown.feature("tokens")
     if found is None:
-        rest = waits(page.results.get("attention.tokens"), "one pass of the network")
+        rest = waits(shown.found("tokens"), "one pass of the network")
         return title, "", tools, panel("tokens", rest)
     if slice_.tokens == "similarity":
         whole = f"cosine to this token: {FEATURES[slice_.feature]}"
@@ -49,38 +65,61 @@ def tokens_html(page: Page) -> tuple[str, str, str, str]:
         return title, note, tools, panel("tokens", _similar(shown, found))
     basis = shown.feature("basis")
     if basis is None:
-        rest = waits(page.results.get("attention.basis"), "fitting colours to the recording, once")
+        rest = waits(shown.found("basis"), "fitting colours to the recording, once")
         return title, "", tools, panel("tokens", rest)
     held = " + ".join(of_whole(share) for share in basis.explained)
     return title, f"PCA, {held} of the variance", tools, panel("tokens", _colours(shown, found, basis))
 
 
-def _similar(shown: Shown, found: Tokens) -> str:
-    here = _picture(found, found.similarity(shown.look.query), shown.look.query)
+def _is_of_the_state(page: Page) -> bool:
+    """Whether the chosen vectors are the state of a level that the network has."""
+    kind, _, level = page.state.of(AttentionState).feature.partition(" ")
+    return kind == "hidden" and int(level) in recurrent_of(page)
+
+
+def _state_instead(page: Page) -> str:
+    """Of a network without attention: its state can be looked at."""
+    levels = recurrent_of(page)
+    if not lacks_attention(page) or not levels:
+        return ""
+    key = f"set:attention.feature:hidden {levels[0]}"
+    return f'<div class="et-chips">{button("Show its recurrent state", key, classes="et-strong")}</div>'
+
+
+def _similar(shown: Seen, found: Tokens) -> str:
+    keep = shown.look.keep
+    here = _picture(found, found.similarity(shown.look.query), keep, shown.look.query)
     readout = '<span class="et-chip" data-etv-readout>cosine</span>'
-    elsewhere = other_moment(shown.page.state, shown.ready.request)
-    if elsewhere is None:
+    if other_moment(shown.page.state, shown.ready.request) is None:
         return _staged(here, f"{_scale()}{readout}")
-    result = shown.page.results.get("attention.tokens_also")
-    asked = (site_of_word(shown.slice_.feature, shown.slice_.site), shown.slice_.feature)
-    job: Any = None if result is None else result.job
-    if result is None or (job.site, job.word) != asked or job.request.playback != elsewhere.playback:
-        return _pair(_staged(here, f"<span></span>{readout}"), waits(None, "the other window"))
-    if result.value is None or job.request.frame != elsewhere.frame:
+    result = found_elsewhere(shown)
+    if result is None or result.value is None:
         return _pair(_staged(here, f"<span></span>{readout}"), waits(result, "the other window"))
-    there: Tokens = result.value
+    job, there = result.job, result.value
     try:
         values = there.similarity(shown.look.query, of=found)
     except ValueError as error:
         return _pair(_staged(here, readout), f'<div class="et-say" data-testid="lacks">{escape(str(error))}.</div>')
     words = f"window {count(job.request.index)}"
     if job.request.model_id != shown.ready.request.model_id:
-        words = job.request.model_id
+        words = title_of(shown.page, job.request.model_id)
     now = f'<span class="et-chip">window {count(shown.ready.request.index)}</span>'
     then = f'<span class="et-chip" data-testid="also">{escape(words)} · max {float(values.max()):.2f}</span>'
     readout = '<span class="et-chip" data-etv-readout></span>'
-    other = _picture(there, values, None)
+    other = _picture(there, values, keep, None)
     return _pair(_staged(here, f"{now}{readout}"), _staged(other, f"{then}{readout}"))
+
+
+def found_elsewhere(shown: Seen) -> JobResult | None:
+    """The chosen feature in the other window, at the pin or in the run that is looked at, as far as it is known."""
+    elsewhere = other_moment(shown.page.state, shown.ready.request)
+    result = shown.page.results.get("attention.tokens_also")
+    if elsewhere is None or result is None:
+        return None
+    job: Any = result.job
+    asked = site_of_word(shown.slice_.feature, shown.slice_.site), shown.slice_.feature
+    is_asked = (job.site, job.word) == asked and job.request.playback == elsewhere.playback
+    return result if is_asked and job.request.frame == elsewhere.frame else None
 
 
 def _scale() -> str:
@@ -95,11 +134,17 @@ def _staged(image: str, badges: str) -> str:
     return f'<div class="et-stage-map" data-etv-focus="1">{image}<div class="et-badges">{badges}</div></div>'
 
 
-def _picture(found: Tokens, values: Float[np.ndarray, "rows columns"], query: tuple[int, int] | None) -> str:
+def _picture(
+    found: Tokens, values: Float[np.ndarray, "rows columns"], keep: Keep, query: tuple[int, int] | None
+) -> str:
+    """Those tokens that are kept: the most similar ones, or the fewest that hold so much of all similarity above 0."""
     level = np.rint((values.clip(-1, 1) + 1) * 127.5).astype(np.uint8)
+    drawn = _opaque(sequential()[level])
+    if keep != "all":
+        drawn[~kept(values.clip(0).reshape(-1), keep).reshape(values.shape), 3] = 0
     return large_map(
         found.grid,
-        _opaque(sequential()[level]),
+        drawn,
         values.reshape(-1),
         "",
         "cosine similarity",
@@ -108,11 +153,11 @@ def _picture(found: Tokens, values: Float[np.ndarray, "rows columns"], query: tu
     )
 
 
-def _colours(shown: Shown, found: Tokens, basis: Any) -> str:
+def _colours(shown: Seen, found: Tokens, basis: Any) -> str:
     colours = np.rint(basis.colours(found.map) * 255).astype(np.uint8)
     first = basis.coordinates(found.map)[..., 0].reshape(-1)
     query = shown.look.query
-    image = large_map(found.grid, _opaque(colours), first, "", "three components", query=query, unit="on the first")
+    image = large_map(found.grid, _opaque(colours), first, "", "three components", query=query, unit="1st component")
     return f'<div class="et-stage-map" data-etv-focus="1">{image}</div>'
 
 

@@ -11,8 +11,9 @@ from app.engine.requests import FrameRequest
 from app.state.view_state import ViewState
 from app.views.attention.jobs.heads import AtlasJob, MattersJob
 from app.views.attention.jobs.site import BasisJob, SiteJob, TokensJob, site_of_word
-from app.views.attention.jobs.time import CurveJob, PinJob, stretch_of
+from app.views.attention.jobs.time import CurveJob, PathJob, PinJob
 from app.views.attention.state import AttentionState, other_moment
+from app.views.stretch import stretch_of
 
 
 def attention_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
@@ -22,7 +23,10 @@ def attention_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]
     wanted: dict[str, Job] = {"attention.network": NetworkPartsJob(replace(plain, index=0))}
     if query is None or state.workspace != "attention":
         return wanted
-    site = slice_.site
+    site, first = slice_.site, replace(plain, index=stretch_of(plain.index)[0])
+    anchor = slice_.anchored(plain.index)
+    if anchor is not None:
+        wanted["attention.path"] = PathJob(first, query, anchor)
     wanted["attention.site"] = SiteJob(asked, site)
     of_site = site_of_word(slice_.feature, site), slice_.feature
     wanted["attention.tokens"] = TokensJob(asked, *of_site)
@@ -35,7 +39,6 @@ def attention_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]
     if slice_.pinned is not None:
         wanted["attention.pin"] = PinJob(slice_.pinned)
     wanted["attention.atlas"] = AtlasJob(plain)
-    at = plain if slice_.follows else replace(plain, index=stretch_of(plain.index)[0])
     head = slice_.head if slice_.quantity_has_a_head else None
-    wanted["attention.curve"] = CurveJob(at, query, site, slice_.curve, head, slice_.follows)
+    wanted["attention.curve"] = CurveJob(first, query, site, slice_.curve, head, anchor)
     return wanted

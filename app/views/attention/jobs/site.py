@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from etnet.inspection.features import Feature, FeatureMap
     from etnet.nets.attention import Attention
     from etnet.nets.padding import TokenGrid
+    from etnet.nets.runtime import Contract
 
 NUM_FITTED = 8
 """Windows of the recording that a basis is fitted to."""
@@ -62,6 +63,8 @@ class Tokens:
     """One vector for each cell of a grid that lies over the padded sensor."""
 
     map: FeatureMap
+    contract: Contract
+    """Under which it was computed: another network's precision may be another one."""
     nbytes: int
 
     @property
@@ -122,7 +125,7 @@ class TokensJob:
         require_feature(playback.model, feature)
         change = intervention if playback is loaded.playback else playback.intervention_at(index)
         found = feature_of(hold(playback, index, cancelled), feature, change)
-        yield Tokens(found, found.values.nbytes), 1.0
+        yield Tokens(found, loaded.contract, found.values.nbytes), 1.0
 
 
 @dataclass(frozen=True, slots=True)

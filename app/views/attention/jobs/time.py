@@ -12,18 +12,13 @@ from jaxtyping import Float32
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.views.attention.state import PinnedMap, Quantity
+from app.views.stretch import NEAR, Path, path_of, paths_of, windows_from
 from etnet.nets.intervention import ORIGINAL, Intervention
 
 if TYPE_CHECKING:
     from etnet.inspection.anatomy import Anatomy
     from etnet.inspection.pins import Pin
-
-BLOCK = 12
-"""Windows: a curve begins and ends at multiples of it, so that a step along it computes nothing again."""
-LENGTH = 4 * BLOCK
-"""Windows of a curve at most: 12 or more before the current one, 24 or more after it."""
-NEAR = 16
-"""Pixels to each side of the pixel that count as near it."""
+    from etnet.nets.runtime import Contract
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,9 +35,22 @@ class Curve:
     wanted: int
 
 
-def stretch_of(index: int) -> tuple[int, int]:
-    """The first window of a curve around a window, and how many it has at most."""
-    return max(0, (index // BLOCK - 1) * BLOCK), LENGTH
+@dataclass(frozen=True, slots=True)
+class PathJob:
+    """Where the patch lies in the windows around the current one that lies at a pixel in window `anchor`."""
+
+    request: FrameRequest
+    """Its index is the stretch's first window."""
+    pixel: tuple[int, int]
+    anchor: int
+
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Path, float]]:
+        """One window more each time; nothing is decoded."""
+        windows = windows_from(loaded.playback, self.request.index)
+        path: Path = {}
+        for path in paths_of(loaded.playback, windows, self.pixel, self.anchor, cancelled):
+            yield path, min(len(path) / (len(windows) + 1), 0.99)
+        yield path, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +58,14 @@ class CurveJob:
     """One pixel's attention at one site over a stretch, past and coming; one or two decodes a window."""
 
     request: FrameRequest
-    """Its index is the stretch's first window, or, where the patch is followed, the one that it starts from."""
+    """Its index is the stretch's first window."""
     pixel: tuple[int, int]
     site: str
     quantity: Quantity
     head: int | None
     """The head whose effect is measured; `None` takes the whole site's. Other quantities are of every head."""
-    follows: bool = False
+    anchor: int | None = None
+    """The window in which the patch that is followed lies at the pixel; `None`: none is followed."""
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Curve, float]]:
         """One window more each time."""
@@ -64,11 +73,10 @@ class CurveJob:
 
         playback = loaded.playback
         asked = self._of(require(playback.model, "attention"))
-        first, length = stretch_of(self.request.index) if self.follows else (self.request.index, LENGTH)
-        indices = range(first, min(first + length, len(playback)))
-        places = self._places(loaded, indices, cancelled)
+        windows = windows_from(playback, self.request.index)
+        places = path_of(playback, windows, self.pixel, self.anchor, cancelled)
         found: list[tuple[int, np.ndarray]] = []
-        for index in (index for index in indices if index in places):
+        for index in places:
             found.append((index, asked._values(loaded, index, places[index], cancelled)))
             done = tuple(each for each, _ in found)
             yield (
@@ -85,20 +93,6 @@ class CurveJob:
     def _of(self, anatomy: Anatomy) -> CurveJob:
         """The same of a network that may lack the site, or have fewer heads."""
         return replace(self, site=anatomy.site(self.site), head=anatomy.head(self.head))
-
-    def _places(
-        self, loaded: LoadedPlayback, indices: range, cancelled: Callable[[], bool]
-    ) -> dict[int, tuple[int, int]]:
-        if not self.follows:
-            return dict.fromkeys(indices, self.pixel)
-        from etnet.inspection.follow import follow, pixels_of
-
-        playback, start = loaded.playback, self.request.index
-        both = [
-            follow(playback.recording, playback.windows, start, self.pixel, until, cancelled=cancelled)
-            for until in (indices[0], indices[-1])
-        ]
-        return {index: pixel for way in both for index, pixel in pixels_of(way).items()}
 
     def _values(
         self, loaded: LoadedPlayback, index: int, pixel: tuple[int, int], cancelled: Callable[[], bool]
@@ -122,6 +116,14 @@ class CurveJob:
         return Intervention(masked_heads=frozenset({(self.site, self.head)}))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundPin:
+    """A pin's map, and under which contract it was computed: another network's precision may be another one."""
+
+    pin: Pin
+    contract: Contract
+
+
 @dataclass(frozen=True, slots=True)
 class PinJob:
     """The map of a pin, at the pin's own moment and of its own network."""
@@ -133,7 +135,7 @@ class PinJob:
         """The pin's moment."""
         return self.pinned.request
 
-    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Pin, float]]:
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[FoundPin, float]]:
         """One decode that is observed."""
         from etnet.inspection.anatomy import require
         from etnet.inspection.pins import pin
@@ -144,4 +146,5 @@ class PinJob:
         site, chosen = anatomy.site(held.site), anatomy.head(held.head)
         head = held.gather if chosen is None else chosen
         index = held.request.index
-        yield pin(playback, index, held.query, site, head, held.direction, intervention, cancelled), 1.0
+        found = pin(playback, index, held.query, site, head, held.direction, intervention, cancelled)
+        yield FoundPin(found, loaded.contract), 1.0

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.html.attention.changed import change_words, since_words
+from app.html.chart import Line, chart
 from app.html.controls import (
     button,
     buttons,
@@ -16,19 +18,20 @@ from app.html.controls import (
     signed_limit,
     signed_picture,
 )
-from app.html.elements import ON_PICK, escape, legend, marker, panel, picture
+from app.html.elements import escape, legend, marker, panel, picture
 from app.html.moment import PICTURES, Moment
-from app.html.pictures import Tones
-from app.html.units import count, seconds, short
-from app.views.inspect.html.overview import stage_words
-from app.views.inspect.results import SpreadFound, TwinFound
-from app.views.inspect.state import Change
+from app.html.pictures import Tones, event_picture
+from app.html.units import count, seconds
+from app.views.inspect.html.overview import level_words, stage_words
+from app.views.inspect.results import CauseFound, SpreadFound, TwinFound
+from app.views.inspect.state import Change, InspectState
 from etnet.render.colours import css_gradient, sequential
 from etnet.render.encode import data_url
+from etnet.render.events import EventStyle
 from etnet.render.tone import tone_map
 
 if TYPE_CHECKING:
-    from etnet.inspection.causal_search import CausalSearch
+    from etnet.inspection.anatomy import Anatomy
     from etnet.inspection.sources import Sources
 
 STAGES = {"events": "events now", "bins": "voxel bins", "memory": "state before", "scales": "TPA", "skips": "skips"}
@@ -66,7 +69,7 @@ def sources_html(figure: Sources | None) -> str:
     drawn = ""
     for at, name, value in rows:
         width = WIDEST * abs(value) / largest
-        signed = f"{value:+.4f}".replace("-", "−")
+        signed = percent(value)
         drawn += (
             f'<g><title>{escape(stage_words(name))}: {signed}</title><path fill="none"'
             f' d="M150 {at - 4:.0f} C 220 {at - 4:.0f}, 230 {middle:.0f}, 292 {middle:.0f}"'
@@ -77,55 +80,102 @@ def sources_html(figure: Sources | None) -> str:
         )
     pixel = (
         f'<circle cx="298" cy="{middle:.0f}" r="6" fill="#fff"></circle>'
-        f'<text x="298" y="{middle + 22:.0f}" text-anchor="middle">{figure.value:.3f}</text>'
+        f'<text x="298" y="{middle + 22:.0f}" text-anchor="middle">{percent(figure.value, is_signed=False)}</text>'
     )
     svg = f'<svg viewBox="0 0 {_WIDTH} {y:.0f}" role="img" aria-label="pixel sources">{drawn}{labels}{pixel}</svg>'
     note = "without − with, of full brightness; state before counts what earlier windows gave"
     return panel("sources", head, f'<div class="et-sources">{svg}</div><div class="et-note">{note}</div>')
 
 
-def search_html(search: CausalSearch | None, is_whole: bool, tolerance: int, moment: Moment) -> str:
+def search_html(
+    found: CauseFound | None,
+    is_whole: bool,
+    slice_: InspectState,
+    moment: Moment,
+    anatomy: Anatomy | None,
+    style: EventStyle,
+) -> str:
     """The window that the pixel rests on, its time and events, and the twin that shows it."""
-    choice = buttons(
-        "Changed by",
-        "".join(
-            button(f"{each / 10:g} %", f"set:inspect.tolerance:{each}", is_on=each == tolerance) for each in TOLERANCES
-        ),
-        "of full brightness: from there on the pixel counts as changed",
-    )
     lead = (
-        "The state of all levels is zeroed once, before one window. Zeroed late, it changes the pixel; zeroed early "
-        "enough, the network recovers. Between the two lies a window whose events the pixel rests on."
+        "The state is zeroed once, before one window. Zeroed late, it changes the pixel; zeroed early enough, the "
+        "network recovers. Between the two lies a window whose events the pixel rests on."
     )
-    body = f'<div class="et-note">{lead}</div>{choice}'
-    if search is None or not search.trials:
+    body = f'<div class="et-note">{lead}</div>{_asked(slice_, anatomy)}'
+    if found is None or not found.search.trials:
         return panel("search", body)
+    search = found.search
     tried = " · ".join(
-        f"{trial.at}: {'changed' if trial.changes else 'same'}"
+        f"{trial.at} {'changed' if trial.changes else 'unchanged'}"
         for trial in sorted(search.trials, key=lambda trial: trial.at)
     )
-    body += f'<div class="et-say" data-testid="cause">{escape(_found(search, is_whole))}</div>'
+    body += f'<div class="et-say" data-testid="cause">{escape(_found(found, is_whole))}</div>'
     if search.changes_at is not None and is_whole:
         levels = ",".join(map(str, sorted(search.levels)))
-        entered = search.entered_at
-        shown = ""
+        entered, shown = search.entered_at, ""
         if entered is not None:
             window = moment.windows[entered]
             at = (window.t_stop - moment.recording.span.start) / 1e6
             shown = button(f"Go to window {count(entered)}", f"goto:{at:.6f}")
-            body += f'<div class="et-note">{count(window.num_events)} events, until {seconds(at)}</div>'
+            body += _entered(replace(moment, index=entered), search.pixel, style)
         twin = button("Effect over time of that reset", f"inspect:twin:{search.changes_at}:{levels}")
         body += f'<div class="et-chips">{shown}{twin}</div>'
-    return panel("search", body, f'<div class="et-note">Trials, by window: {tried}</div>')
+    return panel("search", body, f'<div class="et-note">The pixel after a reset before window {tried}</div>')
 
 
-def _found(search: CausalSearch, is_whole: bool) -> str:
+def _asked(slice_: InspectState, anatomy: Anatomy | None) -> str:
+    """Which state is zeroed, what the pixel should be, and by how much it has to change."""
+    choices = ""
+    if anatomy is not None and len(anatomy.levels) > 1:
+        words = {"all": "all levels"} | {str(level): level_words(anatomy, level) for level in anatomy.levels}
+        choices += buttons(
+            "Zero the state of",
+            "".join(
+                button(said, f"set:inspect.zeroes:{which}", is_on=which == slice_.zeroes)
+                for which, said in words.items()
+            ),
+        )
+    towards = {"any": "anything else", "camera": "as the camera saw it", "value": f"{slice_.wanted} %"}
+    content = "".join(
+        button(said, f"set:inspect.towards:{which}", is_on=which == slice_.towards) for which, said in towards.items()
+    )
+    if slice_.towards == "value":
+        content += (
+            f'<input type="range" min="0" max="100" step="5" value="{slice_.wanted}" data-set="set:inspect.wanted"'
+            ' aria-label="Brightness that the pixel should have, per cent">'
+        )
+    choices += buttons("The pixel should be", content)
+    by = "".join(
+        button(f"{each / 10:g} %", f"set:inspect.tolerance:{each}", is_on=each == slice_.tolerance)
+        for each in TOLERANCES
+    )
+    why = "of full brightness: from there on the pixel counts as changed"
+    if slice_.towards != "any":
+        why = "of full brightness nearer to that: from there on the pixel counts as changed"
+    return choices + buttons("Changed by", by, why)
+
+
+def _entered(moment: Moment, pixel: tuple[int, int], style: EventStyle) -> str:
+    """The events of the window that was found, as a picture with the pixel."""
+    image, _ = event_picture(moment, style)
+    height, width = image.level.shape
+    url = PICTURES.text(("entered", moment.key, style), lambda: data_url(image, is_lossless=True))
+    marks = [marker((pixel[0] + 0.5) / width, (pixel[1] + 0.5) / height)]
+    shown = picture(url, f"events of window {moment.index}", key="pixel", size=(width, height), marks=marks)
+    stop = moment.seconds[1]
+    words = f"window {count(moment.index)}: {count(moment.window.num_events)} events, until {seconds(stop)}"
+    return f'<div data-testid="entered">{shown}</div><div class="et-note">{words}</div>'
+
+
+def _found(found: CauseFound, is_whole: bool) -> str:
+    search = found.search
     if not is_whole:
-        return f"{len(search.trials)} resets tried"
+        return f"{len(search.trials)} reset{'' if len(search.trials) == 1 else 's'} tried so far."
+    so = "changes it" if found.towards is None else f"brings it nearer to {percent(found.towards, is_signed=False)}"
     if search.changes_at is None:
-        return "No reset of the state changes this pixel by so much: it does not rest on the memory."
+        rest = "it does not rest on the memory." if found.towards is None else "its memory is not what is wrong."
+        return f"No reset of the state {so} by so much: {rest}"
     if search.entered_at is None:
-        return f"Even a reset {search.index - search.first} windows earlier changes it: it rests on something older."
+        return f"Even a reset {search.index - search.first} windows earlier {so}: it rests on something older."
     ago = search.index - search.entered_at
     return f"It rests on window {count(search.entered_at)}, {ago} window{'' if ago == 1 else 's'} earlier."
 
@@ -137,15 +187,11 @@ def twin_html(
     moment: Moment,
     query: tuple[int, int] | None,
     tones: Tones,
+    anatomy: Anatomy | None,
 ) -> str:
     """The curve of the difference, which can be clicked, and both frames of the current window side by side."""
     if change.is_nothing:
-        zero = "".join(
-            button(words, f"inspect:twin:{moment.index}:{levels}")
-            for words, levels in (("all levels", "1,2,3"), ("1/2", "1"), ("1/4", "2"), ("1/8", "3"))
-        )
-        lead = "Nothing is changed. Change something under Intervention or in Attention, or zero the state once, here:"
-        return panel("twin", f'<div class="et-note">{lead}</div>', buttons("Zero state", zero))
+        return panel("twin", _nothing_changed(moment, anatomy))
     words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
     head = (
         f'<div class="et-changed" data-testid="changed"><span>{escape(words)}</span>'
@@ -155,42 +201,44 @@ def twin_html(
         return panel("twin", head)
     image = found.on_image
     here = np.abs(found.at(query)) if query is not None else None
-    pair = _pair(found, (key, moment.index), moment.index, tones)
+    pair = _pair(found, (key, moment.index), moment, tones)
     return panel("twin", head, _curve(found, image, here, moment), pair, _recovered(found))
+
+
+def _nothing_changed(moment: Moment, anatomy: Anatomy | None) -> str:
+    """What can be changed: events of every network, and the state of each level that this one has."""
+    if anatomy is None:
+        return '<div class="et-note">Nothing is changed.</div>'
+    levels = anatomy.levels
+    if not levels:
+        lead = "Nothing is changed. Change its events under Intervention: this network names no state to be zeroed."
+        return f'<div class="et-note">{lead}</div>'
+    words = {",".join(map(str, levels)): "all levels"} if len(levels) > 1 else {}
+    words |= {str(level): level_words(anatomy, level) for level in levels}
+    zero = "".join(button(said, f"inspect:twin:{moment.index}:{which}") for which, said in words.items())
+    lead = "Nothing is changed. Change something under Intervention or in Attention, or zero the state once, here:"
+    return f'<div class="et-note">{lead}</div>{buttons("Zero state", zero)}'
 
 
 def _curve(found: TwinFound, image: np.ndarray, here: np.ndarray | None, moment: Moment) -> str:
     start = moment.recording.span.start
     times = [(stamp - start) / 1e6 for stamp in found.stamps]
-    first, last = times[0], max(times[-1], times[0] + 1e-6)
     top = max(float(image.max()), 0.0 if here is None else float(here.max()), 1e-6)
-
-    def line(values: np.ndarray, classes: str) -> str:
-        points = " ".join(
-            f"{1000 * (t - first) / (last - first):.1f},{200 * (1 - float(v) / top):.1f}"
-            for t, v in zip(times, values, strict=True)
-        )
-        return f'<polyline points="{points}" class="{classes}"></polyline>'
-
-    lines = line(image, "") + ("" if here is None else line(here, "et-loud"))
-    now = ""
-    if moment.index in found.indices:
-        at = 100 * (times[found.indices.index(moment.index)] - first) / (last - first)
-        now = f'<i class="et-head-line" style="left:{at:.2f}%"></i>'
+    lines = [Line(image.tolist())] + ([] if here is None else [Line(here.tolist(), is_loud=True)])
+    place = found.indices.index(moment.index) if moment.index in found.indices else None
     words = "mean |difference| of the image" + (", and of this pixel (violet)" if here is not None else "")
-    return (
-        f'<div class="et-chart et-pick et-over-time" data-k="span:{first:.6f},{last:.6f}" {ON_PICK}'
-        f' title="Click to go there" data-testid="twin-curve"><svg viewBox="0 0 1000 200" preserveAspectRatio="none">'
-        f'{lines}</svg>{now}<span class="et-chart-low">{seconds(first)}</span>'
-        f'<span class="et-chart-low et-chart-end">{seconds(last)}</span>'
-        f'<span class="et-chart-high et-chart-end">{short(top)}</span></div><div class="et-note">{words}</div>'
-    )
+    drawn = chart(times, lines, (0.0, top), percent(top, is_signed=False), index=place, testid="twin-curve")
+    return f'{drawn}<div class="et-note">{words}</div>'
 
 
-def _pair(found: TwinFound, key: object, index: int, tones: Tones) -> str:
+def _pair(found: TwinFound, key: object, moment: Moment, tones: Tones) -> str:
+    index = moment.index
     if index not in found.indices:
         first, last = found.indices[0], found.indices[-1]
-        return f'<div class="et-note">Both runs are compared in windows {first} to {last}; go there to see them.</div>'
+        at = (found.stamps[0] - moment.recording.span.start) / 1e6
+        goes = button(f"Go to window {count(first)}", f"goto:{at:.6f}")
+        words = f"Both runs are compared in windows {count(first)} to {count(last)}."
+        return f'<div class="et-note">{words}</div><div class="et-chips">{goes}</div>'
     place = found.indices.index(index)
     original, changed = found.original[place], found.changed[place]
     apart = changed - original
@@ -264,11 +312,11 @@ def _deviation(values: np.ndarray, key: object, name: str, query: tuple[int, int
 
     marks = [marker((query[0] + 0.5) / width, (query[1] + 0.5) / height)] if query else []
     image = picture(PICTURES.text(key, make), name, key="pixel", size=(width, height), marks=marks)
-    return image + legend(name, css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {short(limit)}")])
+    return image + legend(name, css_gradient(sequential()), [(0.0, "0"), (1.0, f"≥ {percent(limit, is_signed=False)}")])
 
 
 def _here(values: np.ndarray, query: tuple[int, int] | None) -> str:
-    return "" if query is None else f"This pixel: {values[query[1], query[0]]:.4f}. "
+    return "" if query is None else f"This pixel: {percent(float(values[query[1], query[0]]), is_signed=False)}. "
 
 
 def _told(pearson: float | None, spearman: float | None) -> str:

@@ -20,6 +20,7 @@ from app.html.controls import (
 from app.html.elements import escape, panel, segmented
 from app.html.pictures import Tones
 from app.html.units import count, milliseconds, resolution, short
+from app.views.inspect.html.overview import level_words
 from app.views.inspect.results import Outcome
 from app.views.inspect.state import JITTERS, Change, is_switched
 from etnet.nets.intervention import Intervention
@@ -143,8 +144,8 @@ def _switches(anatomy: Anatomy, intervention: Intervention, site: str, lacks: st
         rows.append(buttons("This site", f'{own}<span class="et-note">mask head</span>{heads}', words))
     if anatomy.levels:
         levels = sorted(anatomy.levels, reverse=True)
-        empty = "".join(switch(resolution(level), f"zero {level}") for level in levels)
-        freeze = "".join(switch(resolution(level), f"freeze {level}") for level in levels)
+        empty = "".join(switch(level_words(anatomy, level), f"zero {level}") for level in levels)
+        freeze = "".join(switch(level_words(anatomy, level), f"freeze {level}") for level in levels)
         rows.append(buttons("Zero state", empty))
         rows.append(buttons("Freeze state", freeze))
     if lacks:

@@ -52,7 +52,7 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     grid = attention.grid
     token = grid.token_at(*look.query)
     name = site if site in attention.sites else attention.sites[0]
-    raw, handed = ARRAYS.get(("handed", key, name, token), lambda: _rows(attended, name, token), _nbytes)
+    raw, handed = ARRAYS.get(("handed", key, name, token), lambda: rows_at(attended, name, token), _nbytes)
     maps = [
         (raw, "attention", "α, mean of the heads"),
         (handed, "contribution", "‖αvW<sub>O</sub>‖, all heads"),
@@ -65,7 +65,7 @@ def attended_html(attended: Attended, site: str, look: AttentionLook, key: objec
     alike = float(np.minimum(raw, handed).sum())
     said = (
         f"{site_words(name, attention.sites)}. The two maps share {of_whole(alike)} of their weight; "
-        "where they differ, it attends to what contributes little."
+        "where α is the larger, what arrives is small; where ‖αvW_O‖ is, it is large."
     )
     style = f"--n:{grid.columns};--base:url({base})"
     return panel(
@@ -135,7 +135,7 @@ def _at(part: PartEffect, query: tuple[int, int]) -> float:
     return float(part.difference[query[1], query[0]])
 
 
-def _rows(attended: Attended, site: str, token: int) -> np.ndarray:
+def rows_at(attended: Attended, site: str, token: int) -> np.ndarray:
     """Of one site, for one token: mean weights, and what is handed over as shares; "2 tokens"."""
     from etnet.inspection.mass import value_weighted
 
@@ -147,7 +147,7 @@ def _rows(attended: Attended, site: str, token: int) -> np.ndarray:
 
 def _waste(attended: Attended, token: int, key: object) -> str:
     attention = attended.attention
-    waste, uniform = ARRAYS.get(("padding", key, token), lambda: _padding(attended, token))
+    waste, uniform = ARRAYS.get(("padding", key, token), lambda: padding_at(attended, token))
     sites = {name: Site.of(name) for name in attention.sites}
     scales = sorted({site.scale for site in sites.values()}, reverse=True)
     by_place = {(site.row, site.scale): name for name, site in sites.items()}
@@ -155,7 +155,7 @@ def _waste(attended: Attended, token: int, key: object) -> str:
     for row in dict.fromkeys(site.row for site in sites.values()):
         part, layer, kind = row
         reads = kind
-        cells.append(f"<span>{part.capitalize()} {layer + 1} <i>{reads}</i></span>")
+        cells.append(f"<span>{part.capitalize()} {layer} <i>{reads}</i></span>")
         for scale in scales:
             name = by_place.get((row, scale))
             cells.append("<span>–</span>" if name is None else _waste_cell(attended, name, waste[name], token))
@@ -180,7 +180,8 @@ def _waste_cell(attended: Attended, name: str, on_padding: float, token: int) ->
     return f"<span>padding {of_whole(on_padding, 1)}<br>{sinks}</span>"
 
 
-def _padding(attended: Attended, token: int) -> tuple[dict[str, float], float]:
+def padding_at(attended: Attended, token: int) -> tuple[dict[str, float], float]:
+    """Of a token's mean map at each site the share on padding, and what uniform attention gives."""
     from etnet.inspection.mass import mass_on, padding_shares
 
     attention = attended.attention

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from app.html.controls import choose_pixel, plain_bar
+from typing import TYPE_CHECKING
+
+from app.html.controls import choose_pixel, part_words, percent, plain_bar
 from app.html.elements import ON_PICK, escape, panel
 from app.html.units import resolution
+from app.views.inspect.commands import INSPECTORS
 from app.views.inspect.results import AblatedParts
 from app.views.inspect.state import Inspector
 
-INSPECTORS: dict[Inspector, tuple[str, str]] = {
-    "matters": ("Ablation", "the image without each part"),
-    "change": ("Intervention", "mask, ablate, zero, edit events"),
-    "twin": ("Effect over time", "a change against the original run"),
-    "sources": ("Pixel sources", "events, bins, state, scales, skips"),
-    "search": ("Causal search", "the window it rests on"),
-    "events": ("Event attribution", "its gradient, event by event"),
-    "input": ("Network input", "exact voxel grid, bins, token"),
-    "state": ("ConvLSTM state", "gates, channels by energy"),
-    "memory": ("Memory depth", "windows each pixel needs"),
-    "rollout": ("Attention rollout", "all layers multiplied"),
-    "time": ("Attention over time", "kymograph, entropy, local mass"),
-    "spread": ("Uncertainty", "spread under event dropout"),
-}
+if TYPE_CHECKING:
+    from etnet.inspection.anatomy import Anatomy
+
 NEEDS: dict[Inspector, str] = {
     "matters": "ablation",
-    "search": "intervention",
+    "search": "levels",
+    "events": "gradient",
     "state": "gates",
     "rollout": "rollout",
     "time": "attention",
@@ -45,18 +38,16 @@ def ablation_html(query: tuple[int, int] | None, found: AblatedParts | None, wai
     largest = max(moved.values(), default=0.0)
     rows = "".join(
         f'<span class="et-note">{escape(part_name(name))}</span><span class="et-measure" data-testid="moved">'
-        f"{plain_bar(value, largest)}<b>{value:.3f}</b></span>"
+        f"{plain_bar(value, largest)}<b>{percent(value, is_signed=False)}</b></span>"
         for name, value in moved.items()
     )
     return panel("ablation", head, lead, f'<div class="et-table et-two et-bars">{rows}</div>', waits)
 
 
 def part_name(name: str) -> str:
-    """ "Skip, head", "State before"."""
-    if name.startswith("skip "):
-        level = int(name.removeprefix("skip "))
-        return "Skip, head" if level == 0 else f"Skip, level {level}"
-    return name[:1].upper() + name[1:]
+    """ "Skip, 1/2", "State before"."""
+    words = part_words(name)[0]
+    return words[:1].upper() + words[1:]
 
 
 def list_html(lacks: dict[str, str]) -> str:
@@ -86,3 +77,8 @@ def stage_words(name: str) -> str:
         case "skip":
             return part_name(name)
     return name[:1].upper() + name[1:]
+
+
+def level_words(anatomy: Anatomy, level: int) -> str:
+    """A recurrent level by its resolution, or, where levels have none of their own, by its number."""
+    return resolution(level) if anatomy.memory == "ConvLSTM" else f"level {level}"

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from app.engine.requests import Ready
+from app.html.attention.keep import kept, kept_words
+from app.html.attention.look import Keep
 from app.html.attention.maps import AttentionLook, map_html, map_legend, site_words, tokens_words
-from app.html.controls import LINE, button, buttons, curves, plain_bar
-from app.html.elements import escape, legend, panel, picture, segmented
-from app.html.moment import PICTURES
-from app.html.units import count, fraction, milliseconds, of_whole, resolution
+from app.html.chart import Line, chart
+from app.html.controls import button, buttons, plain_bar
+from app.html.elements import ON_PICK, escape, legend, panel, picture, segmented
+from app.html.moment import PICTURES, Moment
+from app.html.units import count, fraction, of_whole, resolution
 from app.views.inspect.results import Followed, RolledOut
 from app.views.inspect.state import Fusion, InspectState
 from etnet.render.attention import HIGHEST, LOWEST, log_level
@@ -79,31 +82,30 @@ def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, sli
     )
 
 
-def followed_html(followed: Followed, job: ThroughTimeJob, anatomy: Anatomy) -> str:
-    """A kymograph of the pixel's token row, and two curves under it in the same measure of time."""
+def followed_html(
+    followed: Followed, job: ThroughTimeJob, anatomy: Anatomy, moment: Moment, look: AttentionLook
+) -> str:
+    """A kymograph of the pixel's token row, and two curves in the same windows; a click goes to its moment."""
     num = len(followed.indices)
     site, head = anatomy.site(job.site), anatomy.head(job.head)
     who = "mean map of the heads" if head is None else f"head {head}"
     x, y = job.pixel
-    span = milliseconds((followed.stamps[-1] - followed.stamps[0]) / 1000) if num > 1 else "one window"
+    whose = f"pixel ({x}, {y})"
+    if job.anchor is not None:
+        whose = f"the patch that lies at ({x}, {y}) in window {count(job.anchor)}"
     lead = (
-        f"{site_words(site, anatomy.sites)}, {who}, for "
-        f"{'the patch that is now at' if job.follows else 'pixel'} ({x}, {y})"
-        f" in the last {num} windows ({span}). Time runs down: the newest line is the current window."
+        f"{site_words(site, anatomy.sites)}, {who}, for {whose} in windows {count(followed.indices[0])} to "
+        f"{count(followed.indices[-1])}. Time runs down; the marked line is the current window."
     )
     follows = segmented(
         "Follow",
         {"set:attention.follows:False": "pixel", "set:attention.follows:True": "patch, along its events"},
-        f"set:attention.follows:{job.follows}",
+        f"set:attention.follows:{job.anchor is not None}",
     )
-    url = PICTURES.text(("kymograph", job, num), lambda: _kymograph(followed))
-    columns = followed.along_row.shape[1]
-    image = picture(
-        url, "attention along the row, over time", size=(columns, num), classes="et-sharp et-kymograph",
-        style=f"--columns:{columns};--lines:{num}",
-    )  # fmt: skip
+    index, start = moment.index, moment.recording.span.start
+    place = followed.indices.index(index) if index in followed.indices else None
+    times = [(stamp - start) / 1e6 for stamp in followed.stamps]
     bits = float(np.log2(followed.num_tokens))
-    share = float(followed.near[-1])
     values = (LOWEST, 1.0, 4.0, HIGHEST)
     powers = float(np.log2(HIGHEST / LOWEST))
     ticks = [
@@ -113,23 +115,53 @@ def followed_html(followed: Followed, job: ThroughTimeJob, anatomy: Anatomy) -> 
         )
         for value in values
     ]
+    entropy, near = followed.entropy.tolist(), followed.near.tolist()
+    most = max(max(near), followed.even) * 1.15
+    sharp = "" if place is None else f"now {entropy[place]:.2f} bits"
+    local = "" if place is None else f"now {of_whole(near[place], 1)}"
     return panel(
         "followed",
         f'<div class="et-note">{escape(lead)}</div><div class="et-chips">{follows}</div>',
-        image,
-        '<div class="et-caption"><span>left edge of the image</span><span>the pixel’s row of tokens</span>'
+        _kymograph(followed, (job, num, look.keep), times, place, look.keep),
+        '<div class="et-caption"><span>left edge</span><span>the pixel’s row of tokens</span>'
         "<span>right edge</span></div>",
         legend("attention, × uniform", css_gradient(sequential()), ticks),
+        _kept(followed, look.keep),
         "<h4>Entropy</h4>",
-        curves({LINE: followed.entropy}, bits, f"{bits:.2f} bits: uniform", "0: one token"),
-        f'<div class="et-note" data-testid="entropy-now">now {float(followed.entropy[-1]):.2f} bits</div>',
-        "<h4>Local mass (≤ 16 px)</h4>",
-        curves({LINE: followed.near}, max(float(followed.near.max()), followed.even) * 1.15, "", "0 %", followed.even),
-        f'<div class="et-note" data-testid="near-now">now {of_whole(share, 1)} within {followed.reach} pixels; '
-        f"the dashed line, {of_whole(followed.even, 1)}, is what uniform attention gives</div>",
+        chart(times, [Line(entropy, is_loud=True)], (0.0, bits), f"{bits:.2f} bits: uniform", index=place, said=sharp,
+              testid="entropy-over-time"),
+        f"<h4>Local mass (≤ {followed.reach} px)</h4>",
+        chart(times, [Line(near, is_loud=True)], (0.0, most), of_whole(most, 1), index=place, said=local,
+              even=followed.even, testid="mass-over-time"),
+        f'<div class="et-note">the share within {followed.reach} pixels; the dashed line, '
+        f"{of_whole(followed.even, 1)}, is what uniform attention gives</div>",
+    )  # fmt: skip
+
+
+def _kymograph(followed: Followed, key: object, times: list[float], place: int | None, keep: Keep) -> str:
+    """A line for each window, which can be clicked; that of the current one is marked."""
+    num, columns = followed.along_row.shape
+
+    def make() -> str:
+        level = log_level(followed.along_row)
+        drawn = np.full((num, columns, 4), 255, np.uint8)
+        drawn[..., :3] = sequential()[np.rint(level * 255).astype(np.uint8)]
+        drawn[~kept(followed.along_row.ravel(), keep).reshape(num, columns), 3] = 0
+        return data_url(drawn, is_lossless=True)
+
+    image = picture(
+        PICTURES.text(("kymograph", key), make), "attention along the row, over time", size=(columns, num),
+        classes="et-sharp et-kymograph", style=f"--columns:{columns};--lines:{num}",
+    )  # fmt: skip
+    lines = "".join(
+        f'<i data-k="goto:{seconds:.6f}" {ON_PICK} title="window {count(index)}"'
+        f"{' class=et-now-line' if each == place else ''}></i>"
+        for each, (index, seconds) in enumerate(zip(followed.indices, times, strict=True))
     )
+    return f'<div class="et-lines" data-testid="kymograph">{image}<div>{lines}</div></div>'
 
 
-def _kymograph(followed: Followed) -> str:
-    level = log_level(followed.along_row)
-    return data_url(sequential()[np.rint(level * 255).astype(np.uint8)], is_lossless=True)
+def _kept(followed: Followed, keep: Keep) -> str:
+    """How many of the kymograph's cells are drawn, where not all are."""
+    words = kept_words(followed.along_row.ravel(), keep)
+    return f'<div class="et-note">{words} of what is shown</div>' if words else ""

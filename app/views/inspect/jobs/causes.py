@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.views.inspect.jobs.arrays import array
-from app.views.inspect.results import OwnSpread, SpreadFound, TwinFound
+from app.views.inspect.results import CauseFound, OwnSpread, SpreadFound, TwinFound
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from etnet.inspection.causal_search import CausalSearch
     from etnet.inspection.sources import Sources
+    from etnet.playback.playback import Playback
 
 TWIN_WINDOWS = 20
 """Windows from the change's beginning on through which both runs are followed."""
@@ -49,17 +49,33 @@ class CauseJob:
     request: FrameRequest
     pixel: tuple[int, int]
     tolerance: float
+    level: int | None = None
+    """Whose state is zeroed; `None`: that of all."""
+    towards: float | Literal["camera"] | None = None
+    """The value that the pixel should have, or the camera's at that moment; `None`: any change counts."""
 
-    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[CausalSearch, float]]:
+    def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[CauseFound, float]]:
         """One trial more each time."""
         from etnet.inspection.causal_search import search_cause
 
         wanted = 2 + int(np.ceil(np.log2(FURTHEST)))
         playback, index = loaded.playback, self.request.index
-        for search in search_cause(
-            playback, index, self.pixel, tolerance=self.tolerance, furthest=FURTHEST, cancelled=cancelled
-        ):
-            yield search, min(len(search.trials) / wanted, 0.99)
+        towards = self._towards(playback)
+        levels = None if self.level is None else frozenset({self.level})
+        for search in search_cause(playback, index, self.pixel, levels, self.tolerance, towards, FURTHEST, cancelled):
+            yield CauseFound(search, towards), min(len(search.trials) / wanted, 0.99)
+
+    def _towards(self, playback: Playback) -> float | None:
+        from etnet.errors import ModelError
+        from etnet.inspection.uncertainty import camera_frame
+
+        if self.towards != "camera":
+            return self.towards
+        seen = camera_frame(playback, self.request.index)
+        x, y = self.pixel
+        if seen is None or y >= seen.shape[0] or x >= seen.shape[1]:
+            raise ModelError("no camera frame at this moment, so what the pixel should be is not known; choose a value")
+        return float(seen[y, x])
 
 
 @dataclass(frozen=True, slots=True)

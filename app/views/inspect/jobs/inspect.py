@@ -15,6 +15,7 @@ from app.views.inspect.jobs.memory import ChannelsJob, MemoryDepthJob, NetworkIn
 from app.views.inspect.jobs.parts import AblatedPartsJob, AttendedJob, ImportanceJob, OutcomeJob
 from app.views.inspect.jobs.pixel import AttributionJob, RolloutJob, ThroughTimeJob
 from app.views.inspect.state import InspectState
+from app.views.stretch import stretch_of
 
 
 def inspect_jobs(state: ViewState, request: FrameRequest) -> Mapping[str, Job]:
@@ -63,6 +64,13 @@ def twin_request(slice_: InspectState, request: FrameRequest) -> FrameRequest:
     )
 
 
+def cause_job(slice_: InspectState, request: FrameRequest, query: tuple[int, int]) -> CauseJob:
+    """The causal search as it is set."""
+    level = None if slice_.zeroes == "all" else int(slice_.zeroes)
+    towards = {"any": None, "camera": "camera", "value": slice_.wanted / 100}[slice_.towards]
+    return CauseJob(request, query, slice_.tolerance / 1000, level, towards)  # pyright: ignore[reportArgumentType]
+
+
 def _pixel_study(state: ViewState, asked: FrameRequest) -> Mapping[str, Job]:
     """What is asked about the clicked pixel alone."""
     slice_, query, attention = state.of(InspectState), state.query, state.of(AttentionState)
@@ -74,10 +82,11 @@ def _pixel_study(state: ViewState, asked: FrameRequest) -> Mapping[str, Job]:
         case "sources":
             return {"inspect.sources": SourcesJob(asked.plain, query)}
         case "search":
-            return {"inspect.search": CauseJob(asked.plain, query, slice_.tolerance / 1000)}
+            return {"inspect.search": cause_job(slice_, asked.plain, query)}
         case "rollout":
             return {"inspect.rolled": RolloutJob(asked, query, slice_.discard / 100, slice_.fusion)}
         case "time":
-            asked_of = attention.site, attention.head, attention.follows
-            return {"inspect.followed": ThroughTimeJob(asked.plain, query, *asked_of)}
+            asked_of = attention.site, attention.head, attention.anchored(asked.index)
+            first = replace(asked.plain, index=stretch_of(asked.index)[0])
+            return {"inspect.followed": ThroughTimeJob(first, query, *asked_of)}
     return {}

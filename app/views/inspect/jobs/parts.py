@@ -34,7 +34,8 @@ class AblatedPartsJob:
 
         playback, index = loaded.playback, self.request.index
         original = playback.at(index, cancelled=cancelled).frame
-        cuts = _cuts(anatomy_of(playback.model))
+        parts = anatomy_of(playback.model)
+        cuts = _cuts(parts)
         found: dict[str, np.ndarray] = {}
         for name, intervention, edit in cuts:
             give_up_if(cancelled, "this ablation")
@@ -43,7 +44,7 @@ class AblatedPartsJob:
             else:
                 frame = playback.at(index, intervention=intervention, cancelled=cancelled).frame
             found[name] = array((frame - original)[0, 0])
-            yield AblatedParts(dict(found)), len(found) / len(cuts)
+            yield AblatedParts(dict(found), parts.levels), len(found) / len(cuts)
 
 
 def _cuts(parts: Anatomy) -> list[tuple[str, Intervention, EventEdit]]:

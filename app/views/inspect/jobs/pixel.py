@@ -11,16 +11,10 @@ from app.engine.requests import FrameRequest
 from app.views.inspect.jobs.arrays import array
 from app.views.inspect.results import Followed, RolledOut, Traced, TracedWindow
 from app.views.inspect.state import Fusion
+from app.views.stretch import NEAR, path_of, windows_from
 
 if TYPE_CHECKING:
     from etnet.nets.attention import Attention
-    from etnet.playback.playback import Playback
-
-
-FOLLOWED = 24
-"""Windows through which a pixel's attention is followed."""
-NEAR = 16
-"""Pixels to each side of the pixel that count as near it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +60,15 @@ class RolloutJob:
 
 @dataclass(frozen=True, slots=True)
 class ThroughTimeJob:
-    """The pixel's attention at one site, of one head or of the mean map, over the last windows: one decode each."""
+    """The pixel's attention at one site, of one head or of the mean map, past and coming: one decode a window."""
 
     request: FrameRequest
+    """Its index is the stretch's first window."""
     pixel: tuple[int, int]
     site: str
     head: int | None = None
-    follows: bool = False
-    """Whether the query goes with the patch that lies under the pixel now, along the motion of its events."""
+    anchor: int | None = None
+    """The window in which the patch that is followed lies at the pixel; `None`: none is followed."""
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[Followed, float]]:
         """One window more each time. Nothing of it is lost when others are served between two of them."""
@@ -82,12 +77,12 @@ class ThroughTimeJob:
         from etnet.inspection.through_time import Track, attention_through_time
         from etnet.nets.padding import TokenGrid
 
-        playback, last = loaded.playback, self.request.index
+        playback = loaded.playback
         anatomy = require(playback.model, "attention")
         site, chosen = anatomy.site(self.site), anatomy.head(self.head)
         sensor = playback.recording.sensor
         grid = TokenGrid(sensor.height, sensor.width)
-        path = self._path(playback, last, cancelled)
+        path = path_of(playback, windows_from(playback, self.request.index), self.pixel, self.anchor, cancelled)
         indices = sorted(path)
         even = float(region_shares(grid, Region.around(self.pixel, NEAR)).mean())
         playback.lay_state(indices[0], cancelled)
@@ -108,14 +103,6 @@ class ThroughTimeJob:
                 NEAR,
             )
             yield followed, len(moments) / len(indices)
-
-    def _path(self, playback: Playback, last: int, cancelled: Callable[[], bool]) -> dict[int, tuple[int, int]]:
-        first = max(0, last - FOLLOWED + 1)
-        if not self.follows:
-            return dict.fromkeys(range(first, last + 1), self.pixel)
-        from etnet.inspection.follow import follow, pixels_of
-
-        return pixels_of(follow(playback.recording, playback.windows, last, self.pixel, first, cancelled=cancelled))
 
 
 def _watched(loaded: LoadedPlayback, request: FrameRequest, cancelled: Callable[[], bool]) -> Attention:

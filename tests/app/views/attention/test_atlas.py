@@ -3,12 +3,13 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from app.engine.jobs import JobResult
 from app.state.view_state import Limits
 from app.views.attention.html import atlas as atlas_view
-from app.views.attention.html.atlas import effect_words
+from app.views.attention.html.atlas import atlas_html, effect_words
 from app.views.attention.html.shelf import heads_html
 from app.views.attention.jobs.heads import BEGUN, AtlasJob
 from app.views.attention.state import AttentionState, OpenHead, hear, reduce_attention
@@ -83,6 +84,49 @@ def test_heads_not_measured_yet_are_told_from_heads_without_effect(loaded, page_
     assert f"{part.progress[0]} of {part.progress[1]}" in Checker(html).text
 
 
+@pytest.mark.parametrize("order", ["effect", "image", "entropy", "distance"])
+def test_heads_of_a_part_are_sorted_by_their_own_numbers(loaded, ready, page_of, order):
+    job = AtlasJob(request_of(INDEX))
+    page = Checker(atlas_text(page_of(AttentionState(site=SITE, order=order, only="scale2"), [("atlas", job)])))
+    shown = [key.split(":")[2:] for key in page.keys if key.startswith("attention:head:")]
+    sites = [name for name in ready.attention.sites if name.startswith("scale2.")]
+    found, token = whole(job, loaded), ready.attention.grid.token_at(*QUERY)
+    table = atlas_library.head_table(ready.attention, token)
+    values = {
+        "effect": -found.on_pixel(*QUERY).abs(),
+        "image": -found.on_image,
+        "entropy": table.entropy,
+        "distance": -table.distance,
+    }[order]
+    assert len(shown) == len(sites) * 4
+    ranks = [float(values[table.sites.index(site), int(head)]) for site, head in shown]
+    assert np.all(np.diff(ranks) >= -1e-4)
+
+
+def test_the_effect_on_the_image_has_bars_numbers_and_an_order(loaded, page_of):
+    job = AtlasJob(request_of(INDEX))
+    page = page_of(AttentionState(site=SITE, order="image"), [("atlas", job)])
+    found = whole(job, loaded)
+    text = Checker(heads_html(page)[2]).text
+    for head in range(4):
+        assert effect_words(float(found.on_image[found.sites.index(SITE), head])) in text
+    first = next(attrs["data-etv-site"] for _, attrs in Checker(atlas_text(page)).tags if "data-etv-site" in attrs)
+    assert first == found.sites[int(found.on_image.amax(1).argmax())]
+    assert "on the image" in atlas_html(page)[0]
+
+
+def test_maps_that_explain_little_are_said_to(loaded, page_of):
+    job = AtlasJob(request_of(INDEX))
+    found = whole(job, loaded)
+    nothing, everywhere = found.uniform * 0, found.uniform * 0 + 0.1
+    here = nothing.clone()
+    here[QUERY[1], QUERY[0]] = 0.02  # this pixel rests on it, though the image does not
+    for uniform, is_said in ((nothing, True), (everywhere, False), (here, False)):
+        result = JobResult(job, replace(found, uniform=uniform), 1.0, True)
+        text = atlas_text(replace(page_of(), results={"attention.atlas": result}))
+        assert ("maps explain little here" in text) == is_said
+
+
 @pytest.mark.parametrize("order", ["effect", "entropy", "distance"])
 def test_sites_are_sorted_by_what_was_asked_for(loaded, ready, page_of, order):
     job = AtlasJob(request_of(INDEX))
@@ -110,7 +154,7 @@ def test_attention_that_tells_little_says_so(page_of, monkeypatch):
 
 def test_heads_show_their_effect_and_are_chosen_by_a_click(loaded, page_of):
     job = AtlasJob(request_of(INDEX))
-    page = Checker(heads_html(page_of(jobs=[("atlas", job)]))[1])
+    page = Checker(heads_html(page_of(jobs=[("atlas", job)]))[2])
     assert page.keys == [f"set:attention.head:{head}" for head in range(4)]
     table = whole(job, loaded).on_pixel(*QUERY)[whole(job, loaded).sites.index(SITE)]
     for head in range(4):

@@ -8,13 +8,16 @@ import torch
 
 from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
+from app.html.attention.changed import changed_at
 from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook
 from app.html.attention.maps import attention_image, level_of, map_legend, rows_of, tokens_of
+from app.html.controls import percent
 from app.html.pictures import Tones
 from app.state.view_state import ViewState
+from app.views.attention.html.atlas import atlas_html
 from app.views.attention.html.code import row_text
-from app.views.attention.html.shelf import heads_html
+from app.views.attention.html.shelf import heads_html, time_html
 from app.views.attention.html.shown import shown_of
 from app.views.attention.html.side import side_html
 from app.views.attention.html.stage import stage_html
@@ -28,7 +31,7 @@ from etnet.inspection import entropy, mass, threshold
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
-from tests.app.checked_html import Checker
+from tests.app.checked_html import Checker, map_values
 from tests.app.small_loaded import QUERY, SITE, request_of
 from tests.app.views.attention.small_page import INDEX, STATE, atlas_text, ready_of
 
@@ -36,11 +39,11 @@ from tests.app.views.attention.small_page import INDEX, STATE, atlas_text, ready
 def test_the_large_map_carries_its_numbers_and_a_click_on_it_is_a_pixel(ready, page_of):
     title, note, _, html = stage_html(page_of())
     page = Checker(html)
-    assert (title, note) == ("1/4 decoder 1, cross", "mean of 4 heads")
+    assert (title, note) == ("1/4 decoder 0, cross", "mean of 4 heads")
     image = next(attrs for _, attrs in page.tags if "data-etv-values" in attrs)
     grid = ready.attention.grid
     row = rows_of(ready, ready.attention, SITE, QUERY).mean(0) * grid.num_tokens
-    assert np.allclose([float(value) for value in image["data-etv-values"].split(" ")], row, rtol=0.006)
+    assert np.allclose(map_values(html)[0], row, rtol=1e-6)
     assert image["data-k"] == f"cut:{-grid.left},{-grid.top},{8 * grid.columns},{8 * grid.rows}"
     assert (image["width"], image["height"]) == (str(grid.columns), str(grid.rows))
 
@@ -84,11 +87,44 @@ def test_what_is_changed_is_named_on_the_map_that_is_muted(loaded, page_of):
     changed = ready_of(loaded, request_of(INDEX, intervention=mask))
     page = page_of(ready=changed, state=STATE.put(InspectState(change=Change(mask))))
     assert "head 2 masked" in stage_html(page)[3]
-    assert "et-muted" in heads_html(page)[1]
+    assert "et-muted" in heads_html(page)[2]
     assert "et-muted" in atlas_text(page)
-    assert "head 2 of 1/4 decoder 1, cross masked · this window only" in side_html(page)
+    assert "head 2 of 1/4 decoder 0, cross masked · this window only" in side_html(page)
     other = page_of(AttentionState(site="scale1.encoder.0.self"), ready=changed)
     assert "masked" not in stage_html(other)[3]
+
+
+def test_what_is_left_out_of_a_whole_network_is_marked_on_each_map_that_it_reaches():
+    scale = Intervention(removed_scales=frozenset({2}), without_context=True)
+    assert changed_at(scale, "scale2.encoder.0.self") == "scale removed · TPA ablated"
+    assert changed_at(scale, "scale1.encoder.0.self") == "TPA ablated"
+    decoders = Intervention(without_decoders=True)
+    assert changed_at(decoders, "scale2.decoder.0.cross") == "decoders removed"
+    assert changed_at(decoders, "scale2.encoder.0.self") == ""
+
+
+def test_the_largest_over_heads_is_not_said_to_be_received(page_of):
+    for gather, is_received in (("mean", True), ("max", False), ("min", False)):
+        slice_ = AttentionState(site=SITE, direction="attended by", gather=gather)
+        html = stage_html(page_of(slice_))[3]
+        assert ("received " in html.replace("received)", "")) == is_received
+        assert ("token by token" in html) == (not is_received)
+    assert (
+        "received " in stage_html(page_of(AttentionState(site=SITE, direction="attended by", gather="max", head=1)))[3]
+    )
+
+
+def test_what_maps_are_not_is_one_click_from_every_card(page_of):
+    page = page_of(AttentionState(site=SITE))
+    for html in (
+        stage_html(page)[2],
+        atlas_html(page)[1],
+        heads_html(page)[1],
+        tokens_html(page)[2],
+        time_html(page)[1],
+    ):
+        assert "set:attention.over:not" in Checker(html).keys
+    assert len(Checker(stage_html(page_of(AttentionState(site=SITE, over="not")))[3]).by_testid("not")) == 1
 
 
 def test_handed_over_is_the_librarys_norm_as_shares(loaded, ready, page_of):
@@ -105,7 +141,7 @@ def test_a_network_without_attention_says_so_in_every_card(page_of, ready, prese
     bare = page_of(ready=replace(ready, attention=None))
     bare = replace(bare, results={"attention.network": JobResult(NetworkPartsJob(request_of(0)), network, 1.0, True)})
     said = f"{network.anatomy.name} has no attention, so there are no maps, heads or tokens to show."
-    for html in (stage_html(bare)[3], atlas_text(bare), heads_html(bare)[1], tokens_html(bare)[3], side_html(bare)):
+    for html in (stage_html(bare)[3], atlas_text(bare), heads_html(bare)[2], tokens_html(bare)[3], side_html(bare)):
         assert said in Checker(html).text
 
 
@@ -129,8 +165,8 @@ def test_whether_attention_matters_is_measured_for_pixel_and_image(loaded, page_
         Intervention(removed_sites=frozenset({SITE})),
     ):
         apart = loaded.playback.at(INDEX, intervention=change).frame[0, 0] - original
-        assert f"{abs(float(apart[y, x])):.4f}" in page.text
-        assert f"{float(apart.abs().mean()):.4f}" in page.text
+        assert percent(abs(float(apart[y, x])), is_signed=False) in page.text
+        assert percent(float(apart.abs().mean()), is_signed=False) in page.text
 
 
 def test_sinks_and_padding_are_told_in_words(page_of):
@@ -146,6 +182,12 @@ def test_a_switch_that_cannot_act_says_why(page_of):
     assert "the front view hides them" in side_html(page_of(AttentionState(site=SITE, shows_planes=True), state=front))
     assert "The front view shows nothing behind the image" in side_html(page_of(state=front))
     assert "front view" not in side_html(page_of())
+    off = side_html(page_of(state=STATE.put(SceneState(shows_events=False))))
+    assert "Events are off in the event cloud, so nothing stands behind the image." in off
+    pressed = [
+        attrs for _, attrs in Checker(off).tags if attrs.get("data-k", "").startswith("set:attention.shows_planes")
+    ]
+    assert [attrs["aria-pressed"] for attrs in pressed] == ["false", "false"]
     assert "To mask one head, choose it" in side_html(page_of())
     assert "Mask head 1" in side_html(page_of(AttentionState(site=SITE, head=1)))
 

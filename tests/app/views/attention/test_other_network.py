@@ -9,10 +9,14 @@ import torch
 from app.engine.jobs import JobResult
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
+from app.views.attention.html.atlas import atlas_html
+from app.views.attention.html.shelf import time_html
 from app.views.attention.html.shown import shown_of
+from app.views.attention.html.side import side_html
 from app.views.attention.html.stage import stage_html
+from app.views.attention.html.tokens import tokens_html
 from app.views.attention.jobs.attention import attention_jobs
-from app.views.attention.jobs.heads import MattersJob
+from app.views.attention.jobs.heads import AtlasJob, MattersJob
 from app.views.attention.jobs.site import BasisJob, SiteJob, TokensJob
 from app.views.attention.jobs.time import CurveJob, PinJob
 from app.views.attention.state import AttentionState, PinnedMap
@@ -92,9 +96,56 @@ def test_the_page_shows_the_first_site_and_says_so(page, first):
     assert (shown.site, shown.look.head) == (first, None)
     assert shown.result("site", site=FOREIGN) is not None
     text = " ".join(stage_html(page))
-    assert f"tiny has no site {FOREIGN}: this is its first; no head {HEAD}: these are all of them." in text
+    assert (
+        f"tiny has no site {FOREIGN}, so its first one is shown; it has no head {HEAD}, so all heads are shown." in text
+    )
     own = replace(page, state=STATE.put(AttentionState(site=SITE, head=1)))
     assert 'data-testid="instead"' not in " ".join(stage_html(own))
+
+
+def answers(request, head=None):
+    """Every job whose answer a card is drawn from."""
+    return {
+        "atlas": AtlasJob(request),
+        "matters": MattersJob(request),
+        "site_matters": MattersJob(request, SITE),
+        "site": SiteJob(request, SITE),
+        "tokens": TokensJob(request, SITE),
+        "curve": CurveJob(replace(request, index=0), QUERY, SITE, "effect", head),
+    }
+
+
+def test_the_answers_of_a_former_network_are_not_shown_as_this_ones(loaded):
+    state = STATE.put(AttentionState(site=SITE, curve="effect", head=1))
+    request = request_of(INDEX, wants_attention=True)
+    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
+    results = {
+        f"attention.{slot}": JobResult(job, whole(job, loaded), 1.0, True)
+        for slot, job in answers(request_of(INDEX), 1).items()
+    }
+    page = Page(state, moment, ready_of(loaded, request), results=results)
+    shown = shown_of(page)
+    assert all(shown.result(slot) is not None for slot in ("atlas", "matters", "site_matters", "site", "tokens"))
+    assert "span:" in time_html(page)[2]
+    # The same window of another network: what was found of the first one is none of its answers.
+    ready = replace(page.ready, request=replace(request, model_id="other"))
+    other = replace(page, ready=ready, state=replace(state, model_id="other"))
+    shown = shown_of(other)
+    assert all(shown.result(slot) is None for slot in ("atlas", "matters", "site_matters", "site", "tokens"))
+    assert "waiting" in atlas_html(other)[0]
+    assert "under-way" in tokens_html(other)[3]
+    assert "span:" not in time_html(other)[2]
+    assert 'data-testid="waste"' not in side_html(other)
+
+
+def test_the_effect_of_one_head_is_not_shown_as_anothers(loaded):
+    job = answers(request_of(INDEX), 2)["curve"]
+    moment = Moment("r", POLICY, INDEX, loaded.playback.recording, loaded.playback.windows)
+    results = {"attention.curve": JobResult(job, whole(job, loaded), 1.0, True)}
+    for head, is_answer in ((2, True), (3, False), (None, False)):
+        state = STATE.put(AttentionState(site=SITE, curve="effect", head=head))
+        page = Page(state, moment, ready_of(loaded, request_of(INDEX, wants_attention=True)), results=results)
+        assert ("span:" in time_html(page)[2]) == is_answer
 
 
 def test_demo_and_scene_show_the_first_site_too(page, first):

@@ -1,6 +1,5 @@
 """What is like the chosen token, here and elsewhere; tokens as colours; and a site over time."""
 
-import re
 from dataclasses import replace
 from typing import get_args
 
@@ -15,16 +14,17 @@ from app.views.attention.html.side import side_html
 from app.views.attention.html.tokens import tokens_html
 from app.views.attention.jobs.attention import attention_jobs
 from app.views.attention.jobs.site import BasisJob, Tokens, TokensJob, feature_of_word, site_of_word
-from app.views.attention.jobs.time import CurveJob, stretch_of
+from app.views.attention.jobs.time import CurveJob
 from app.views.attention.state import AttentionState, FeatureWord, PinMap, Unpin, reduce_attention
 from app.views.compare.state import CompareState
+from app.views.stretch import stretch_of
 from app.views.view import Here
 from etnet.inspection import entropy, similarity
 from etnet.inspection.atlas import masking
 from etnet.inspection.basis import fit_basis_to_recording
 from etnet.inspection.features import feature_map
 from etnet.nets.intervention import ORIGINAL
-from tests.app.checked_html import Checker
+from tests.app.checked_html import Checker, map_values
 from tests.app.small_loaded import POLICY, QUERY, SITE, request_of, whole
 from tests.app.views.attention.small_page import CHOSEN, INDEX, STATE
 
@@ -34,10 +34,9 @@ def test_similarity_is_the_librarys_and_one_at_the_token_itself(loaded, page_of)
     found = feature_map(loaded.playback, INDEX, feature_of_word("tokens", SITE))
     values = similarity.cosine_similarity(found, found.at(*QUERY)).numpy()
     assert np.array_equal(whole(job, loaded).similarity(QUERY), values)
-    page = Checker(tokens_html(page_of(jobs=[("tokens", job)]))[3])
-    shown = next(attrs["data-etv-values"] for _, attrs in page.tags if "data-etv-values" in attrs).split(" ")
-    assert float(shown[int(np.argmax(values))]) == 1.0
-    assert np.allclose([float(value) for value in shown], values.reshape(-1), atol=0.006)
+    (shown,) = map_values(tokens_html(page_of(jobs=[("tokens", job)]))[3])
+    assert shown[int(np.argmax(values))] == pytest.approx(1.0, abs=1e-6)
+    assert np.array_equal(shown, values.reshape(-1))
 
 
 def test_the_basis_of_colours_is_the_recordings_whatever_was_looked_at(loaded, page_of):
@@ -54,9 +53,8 @@ def test_the_basis_of_colours_is_the_recordings_whatever_was_looked_at(loaded, p
 @pytest.mark.parametrize("quantity", ["entropy", "mass", "effect"])
 @pytest.mark.parametrize("follows", [False, True])
 def test_a_curve_is_at_the_current_window_what_the_map_says(loaded, ready, page_of, quantity, follows):
-    job = CurveJob(
-        request_of(INDEX if follows else 0), QUERY, SITE, quantity, 1 if quantity == "effect" else None, follows
-    )
+    anchor = INDEX if follows else None
+    job = CurveJob(request_of(0), QUERY, SITE, quantity, 1 if quantity == "effect" else None, anchor)
     curve = whole(job, loaded)
     place = curve.indices.index(INDEX)
     assert curve.pixels[place] == QUERY
@@ -84,14 +82,9 @@ def test_every_kind_of_vector_has_its_similarity_and_its_colours(loaded, page_of
     found = feature_map(loaded.playback, INDEX, feature_of_word(word, SITE))
     expected = similarity.cosine_similarity(found, found.at(*QUERY)).numpy()
     html = tokens_html(page_of(slice_, [("tokens", job)]))[3]
-    values = re.search('data-etv-values="([^"]+)"', html).group(1).split(" ")
-    assert np.allclose([float(value) for value in values], expected.reshape(-1), atol=0.006)
+    assert np.allclose(map_values(html)[0], expected.reshape(-1), atol=1e-6)
     jobs = [("tokens", job), ("basis", BasisJob(request_of(0), *asked))]
     assert "of the variance" in tokens_html(page_of(replace(slice_, tokens="pca"), jobs))[1]
-
-
-def values_in(html):
-    return [np.float32(found.split(" ")) for found in re.findall('data-etv-values="([^"]+)"', html)]
 
 
 @pytest.mark.parametrize(("also", "index"), [("10 back", 0), ("a", 2)])
@@ -103,7 +96,7 @@ def test_the_token_is_looked_for_in_another_window_and_both_maps_stand_there(loa
     jobs = [(slot, asked[f"attention.{slot}"]) for slot in ("tokens", "tokens_also")]
     html = tokens_html(page_of(slice_, jobs))[3]
     now, then = (feature_map(loaded.playback, at, feature_of_word("tokens", SITE)) for at in (INDEX, index))
-    here, there = values_in(html)
+    here, there = map_values(html)
     assert np.allclose(here, similarity.cosine_similarity(now, now.at(*QUERY)).reshape(-1), atol=0.006)
     assert np.allclose(there, similarity.cosine_similarity(then, now.at(*QUERY)).reshape(-1), atol=0.006)
     assert f"window {index} · max" in Checker(html).text
@@ -126,7 +119,7 @@ def test_vectors_of_another_length_are_told_not_compared(loaded, page_of):
     slice_ = replace(CHOSEN, also="10 back")
     page = page_of(slice_, [("tokens", job)])
     then = TokensJob(request_of(0), SITE)
-    found = JobResult(then, Tokens(other, 0), 1.0, True)
+    found = JobResult(then, Tokens(other, loaded.contract, 0), 1.0, True)
     text = Checker(tokens_html(replace(page, results={**page.results, "attention.tokens_also": found}))[3]).text
     assert "has" in text
     assert "5" in text

@@ -103,7 +103,7 @@ def test_deeper_memory_is_added_one_depth_after_the_other(loaded):
 
 def page_of(state, moment, ready, **results):
     found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
-    return Page(state, moment, ready, results=found)
+    return Page(replace(state, recording_id="r", model_id="m"), moment, ready, results=found)
 
 
 def test_every_part_has_a_row_and_the_verdict_names_what_decides(loaded):
@@ -148,7 +148,7 @@ def test_a_switched_button_says_so_by_name_and_everything_can_be_reset(loaded):
         "inspect:scope:window",
     } <= pressed
     assert "inspect:reset" in page.keys
-    words = "head 2 of 1/4 decoder 1, cross masked · skip 1/2 removed · 50 % of the events dropped"
+    words = "head 2 of 1/4 decoder 0, cross masked · skip 1/2 removed · 50 % of the events dropped"
     assert change_words(change.intervention, change.edit) == words
     assert f"{words} · this window only" in page.text
 
@@ -258,22 +258,47 @@ def test_what_is_rolled_out_is_the_librarys_and_sums_to_one(loaded, ready):
     assert len(page.by_testid("by-scale")) == 1
 
 
-def test_what_is_followed_ends_in_the_map_of_the_current_window_and_of_the_chosen_head(loaded, ready):
-    job = pixel.ThroughTimeJob(request_of(5), QUERY, SITE)
+def test_what_is_followed_holds_the_map_of_the_current_window_and_of_the_chosen_head(loaded, ready):
+    job = pixel.ThroughTimeJob(request_of(0), QUERY, SITE)
     followed = whole(job, loaded)
-    assert followed.indices == tuple(range(6))
+    assert followed.indices == tuple(range(8))  # past and coming
     grid = ready.attention.grid
     token = grid.token_at(*QUERY)
     row = ready.attention.rows(SITE, [token])[:, 0]
     mean = row.mean(0).reshape(grid.rows, grid.columns)
-    assert np.allclose(followed.along_row[-1], mean[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
-    one = whole(pixel.ThroughTimeJob(request_of(5), QUERY, SITE, 2), loaded)
+    assert np.allclose(followed.along_row[5], mean[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
+    one = whole(pixel.ThroughTimeJob(request_of(0), QUERY, SITE, 2), loaded)
     own = row[2].reshape(grid.rows, grid.columns)
-    assert np.allclose(one.along_row[-1], own[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
+    assert np.allclose(one.along_row[5], own[token // grid.columns].numpy() * grid.num_tokens, atol=1e-5)
     state = ViewState(query=QUERY, index=5).put(InspectState(opened="time"), AttentionState(site=SITE))
     anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
     page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, network=anatomy, followed=(job, followed))))
-    assert f"now {followed.entropy[-1]:.2f} bits" in page.text
+    assert f"now {followed.entropy[5]:.2f} bits" in page.text
+    start = loaded.playback.recording.span.start
+    goes = [f"goto:{(stamp - start) / 1e6:.6f}" for stamp in followed.stamps]
+    assert [key for key in page.keys if key.startswith("goto:")] == goes  # a click on a line goes to its window
+    spans = [key for key in page.keys if key.startswith("span:")]
+    assert spans == [f"span:{goes[0].removeprefix('goto:')},{goes[-1].removeprefix('goto:')}"] * 2
+    now = [attrs["title"] for _, attrs in page.tags if attrs.get("class") == "et-now-line"]
+    assert now == ["window 5"]
+
+
+def test_a_threshold_draws_the_cells_of_a_kymograph_that_hold_most(loaded, ready):
+    job = pixel.ThroughTimeJob(request_of(0), QUERY, SITE)
+    followed = whole(job, loaded)
+    state = ViewState(query=QUERY, index=5).put(InspectState(opened="time"), AttentionState(site=SITE, keep="top 10"))
+    anatomy = (NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model))
+    page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, network=anatomy, followed=(job, followed))))
+    share = np.sort(followed.along_row.ravel())[-10:].sum() / followed.along_row.sum()
+    assert f"10 tokens hold {100 * share:.0f} % of what is shown" in page.text
+
+
+def test_what_maps_are_not_is_one_click_from_every_inspector_with_maps(moment):
+    for opened, has_maps in (("rollout", True), ("time", True), ("matters", True), ("memory", False)):
+        state = ViewState(query=QUERY).put(InspectState(opened=opened))
+        assert ("set:inspect.shows_not:True" in Checker(inspector_html(page_of(state, moment, None))).keys) == has_maps
+        open_ = ViewState(query=QUERY).put(InspectState(opened=opened, shows_not=True))
+        assert len(Checker(inspector_html(page_of(open_, moment, None))).by_testid("not")) == has_maps
 
 
 def test_links_start_at_the_pixel_and_end_where_the_attention_lands(ready):
@@ -297,6 +322,16 @@ def test_the_answer_to_a_former_question_is_not_shown_as_the_answer_to_this_one(
         state = ViewState(index=5).put(InspectState(opened="change", change=change))
         page = page_of(state, moment, None, network=anatomy, outcome=(job, whole(job, loaded)))
         assert len(Checker(inspector_html(page)).by_testid("outcome")) == is_answer
+
+
+def test_what_was_found_of_a_former_network_is_not_shown_as_this_ones(loaded, moment):
+    job = parts.AblatedPartsJob(request_of(5))
+    page = page_of(ViewState(index=5, query=QUERY), moment, None, ablated=(job, whole(job, loaded)))
+    assert Checker(inspector_html(page)).by_testid("moved")
+    for other in (replace(page.state, model_id="other"), replace(page.state, precision="bf16")):
+        waiting = Checker(inspector_html(replace(page, state=other)))
+        assert not waiting.by_testid("moved")
+        assert waiting.by_testid("under-way")
 
 
 def test_norms_are_those_of_the_states(loaded, moment):
@@ -325,7 +360,7 @@ def test_in_a_drag_an_open_inspector_stands_still_and_says_so(loaded, moment):
     job = parts.AblatedPartsJob(request_of(5).plain)
     state = ViewState(index=5, query=QUERY)
     page = page_of(state, moment, None, ablated=(job, whole(job, loaded)))
-    panel = InspectPanel()
+    state, panel = page.state, InspectPanel()
     panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
     panel.show_settings(page)
     for index in (6, 7):
