@@ -150,7 +150,6 @@ def _handed_out() -> float:
 
 def _cached_bytes(engine) -> int:
     """Bytes of all caches. Frames at hand are mostly those of a playback, so each buffer is counted once."""
-    from app.engine.frame_scores import _SCORES
     from app.html.moment import ARRAYS, PICTURES
 
     loadeds = [loaded.playback for loaded in tuple(engine._playbacks._stages.values())]
@@ -158,7 +157,7 @@ def _cached_bytes(engine) -> int:
     for playback in loadeds:
         frames |= {frame.data_ptr(): frame.nbytes for frame in playback._frames.values()}
     states = sum(playback._states.nbytes for playback in loadeds)
-    held = PICTURES.nbytes + ARRAYS.nbytes + _SCORES.nbytes + engine._jobs._kept.nbytes
+    held = PICTURES.nbytes + ARRAYS.nbytes + engine._playbacks._scores.nbytes + engine._jobs._kept.nbytes
     return held + states + sum(frames.values()) + engine._playbacks._attention.nbytes
 
 

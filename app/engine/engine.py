@@ -62,9 +62,9 @@ class Engine:
         keeps: Callable[[str], bool] = bool,
         tunes: bool = False,
     ) -> None:
-        """`live`: a source with the network that follows it, whether anybody looks or not. `disk` keeps frames between
-        two starts, of recordings of which `keeps` says so (by id).
-        `longest_step`: a step expected to take longer (ms) is not begun, for nothing can stop it or go beside it.
+        """`live`: a source with the network that follows it, whether anybody looks or not. `disk` keeps frames of those
+        recordings of which `keeps` says so (by id) for the next start. `longest_step`: one that takes longer (ms) is
+        not begun, for nothing can stop it or go beside it.
         """
         self._kept = None if disk is None else KeptFrames(library, disk, keeps, device, threads)
         self._gentle: GentleImport | None = GentleImport(COMING)
@@ -380,7 +380,6 @@ class Engine:
         self._is_loading = True
         try:
             self._import_network()
-            self._playbacks.model(model_id, precision)
             self._note_precision(model_id, precision)
         except Exception:
             _log.info("preparing %s failed; the first request will say why", model_id, exc_info=True)

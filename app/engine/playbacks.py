@@ -15,6 +15,7 @@ from app.catalogue.cut import CutRecording, windows_of
 from app.catalogue.models import ModelEntry
 from app.catalogue.recording_id import is_of
 from app.engine.denoised import CleanedRecordings
+from app.engine.pace import Pace
 from app.engine.requests import FrameKey, FrameRequest, PlaybackKey
 from app.engine.warmth import SPARSEST, windows_seen
 from etnet.byte_cache import ByteCache
@@ -62,11 +63,6 @@ def nowhere(request: FrameRequest) -> None:
     return
 
 
-HELD_UP = 4
-"""A step that took so many times as long as the next one was held up, as the first ones are on a busy machine: what it
-says of the pace is forgotten."""
-
-
 class Library(Protocol):
     """Where recordings and models come from: the catalogue, or a test's stand-in."""
 
@@ -77,37 +73,6 @@ class Library(Protocol):
     def model(self, model_id: str) -> ModelEntry:
         """The model of an id."""
         ...
-
-
-@dataclass(eq=False, slots=True)
-class Pace:
-    """How long encoding and decoding take, ms: running means over what was really done."""
-
-    encode: float | None = None
-    decode: float | None = None
-    whole: float | None = None
-    """Of steps that were measured as one."""
-
-    def note_whole(self, step: float) -> None:
-        """Add a measurement of a step in which nobody looked at its halves."""
-        self.whole = _follow(self.whole, step)
-        if self.encode is not None and self.encode > step:
-            self.encode = None  # more than both halves: it was held up
-        self.decode = _follow(self.decode, step - (self.encode or 0.0))
-
-    def note(self, encode: float | None, decode: float | None) -> None:
-        """Add a measurement; the mean follows it by a third."""
-        self.encode = _follow(self.encode, encode)
-        self.decode = _follow(self.decode, decode)
-
-    @property
-    def step(self) -> float | None:
-        """One whole step, ms; `None` before it, or both halves, were measured."""
-        return self.whole if self.encode is None or self.decode is None else self.encode + self.decode
-
-    def seek(self, num_replayed: int) -> float:
-        """What a seek over so many windows will take, ms; 0 while nothing was measured."""
-        return (self.encode or 0.0) * num_replayed + (self.decode or 0.0)
 
 
 @dataclass(eq=False, slots=True)
@@ -394,11 +359,3 @@ def _trial_milliseconds(model: Any) -> float:
 
     with torch.inference_mode():
         return best_of(step, runs=1) * 1000
-
-
-def _follow(mean: float | None, value: float | None) -> float | None:
-    if value is None or mean is None:
-        return mean if value is None else value
-    if value < mean / HELD_UP:
-        return value
-    return mean + (value - mean) / 3

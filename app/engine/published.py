@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float16, Float32
 
 from app.catalogue.recording_id import is_of
-from app.engine.playbacks import LoadedPlayback, Pace
+from app.engine.pace import Pace
+from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameKey, FrameRequest, PlaybackKey, Ready
 from etnet.byte_cache import ByteCache
 

@@ -16,7 +16,6 @@ from app.session.presentation import Seat
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from app.views.demo.state import HOME_SLOT, DemoState, HomeFailed, HomeReady, MirrorEnded, OpenSheet, TakeHome
-from app.views.export.state import Order
 from app.views.page import MirrorShown
 
 STUCK = 6.0
@@ -45,7 +44,7 @@ class Booth:
         self.idle = None if mirror is None else MirrorShown(mirror.ticket)
         """What the page says of a mirror that does not run."""
         self._moved_at = 0.0
-        self._ordered: tuple[Order, float] | None = None
+        self._ordered: tuple[Any, float] | None = None
 
     @property
     def recording_id(self) -> str:

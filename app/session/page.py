@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from app.catalogue.live import LiveShown
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.engine import Engine
 from app.engine.jobs import Job, JobResult
@@ -81,7 +82,6 @@ class PageComposer:
         """`is_moving`: what is drawn now is soon replaced, by a finger or because it plays."""
         booth, is_shared = self.booth, self.booth.is_active
         frames, facts, limits = self.frames, self.known.of(state), self.loader.limits(state)
-        shown_index = frames.ready.request.index if limits.is_live and frames.ready is not None else None
         step = self.engine.status(frames.request).step_milliseconds if frames.request else None
         page = Page(
             state,
@@ -109,9 +109,7 @@ class PageComposer:
             draws_scene=self.scene_pace.is_due(is_moving, step if self.booth.is_live(state) else None),
             areas=areas(state, self.views),
             placed=self.loader.placed(state),
-            live=self.known.live(shown_index)
-            if self.known.has_live and (limits.is_live or not state.is_public)
-            else None,
+            live=self._live(frames, limits.is_live, state.is_public),
             is_live=limits.is_live,
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
@@ -135,6 +133,11 @@ class PageComposer:
         if refused_id and self.known.can_be_stated(refused_id):
             return refused_id
         return state.recording_id if can_be_stated else ""
+
+    def _live(self, frames: NewestFrames, is_live: bool, is_public: bool) -> LiveShown | None:
+        if not self.known.has_live or not (is_live or not is_public):
+            return None
+        return self.known.live(frames.ready.request.index if is_live and frames.ready is not None else None)
 
     def _hovered(self, state: ViewState, moment: Moment | None, hovers_at: float | None) -> Hovered | None:
         """The window under the pointer, and a small frame of it if one is held."""

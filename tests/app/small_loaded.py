@@ -1,6 +1,7 @@
 """A small network's playback as the engine holds it, and what is asked of it."""
 
-from app.engine.playbacks import LoadedPlayback, Pace
+from app.engine.pace import Pace
+from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from etnet.events.open import open_recording
 from etnet.nets.presets import build_model

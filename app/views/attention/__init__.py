@@ -49,7 +49,11 @@ VIEW = View(
     is_public=True,
     in_public=AttentionState(map_range="per map"),
     reduce=reduce_attention,
-    intents=(ask.OpenRecording, ask.ReopenRecording),
+    intents=(
+        *(ask.OpenRecording, ask.ReopenRecording, ask.ChooseModel, ask.NetworkKnown),
+        *(ask.ChoosePolicy, ask.ChooseCleaning, ask.Settle, ask.Query, ask.QueryFraction, ask.MoveQuery),
+        *(ask.Seek, ask.SeekTime, ask.Move, ask.FollowNewest, ask.PlayTo),
+    ),
     hear=hear,
     jobs=_jobs,
     commands=COMMANDS,

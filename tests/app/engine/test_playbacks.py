@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from app.engine.playbacks import Pace
+from app.engine.pace import Pace
 from app.engine.replies import is_exact
 from app.engine.requests import FrameRequest
 from etnet.nets.intervention import ORIGINAL, Intervention

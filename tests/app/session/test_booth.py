@@ -23,7 +23,7 @@ STATE = replace(public_view(ViewState(recording_id="a", model_id="m")), policy=B
 
 
 def mirror(recording_id="mirror-1", trouble=""):
-    return SimpleNamespace(recording_id=recording_id, trouble=trouble, ordered="", advance=lambda: None)
+    return SimpleNamespace(ticket="t", recording_id=recording_id, trouble=trouble, ordered="", advance=lambda: None)
 
 
 def reduced(state, *intents):

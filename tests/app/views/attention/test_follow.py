@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from app.views.reduce import reduce_views
 
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
@@ -22,7 +21,7 @@ from app.views.attention.state import AttentionState, PinMap, hear, reduce_atten
 from app.views.inspect.jobs.inspect import inspect_jobs
 from app.views.inspect.state import InspectState
 from app.views.page import Page
-from app.views.view import Here
+from app.views.view import Here, reduce_views
 from etnet.errors import ModelError
 from etnet.events.events import Sensor
 from etnet.inspection import follow

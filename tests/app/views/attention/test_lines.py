@@ -8,7 +8,8 @@ import torch
 
 from app.catalogue.videos import FilmSetting, VideoShown
 from app.engine.jobs import JobResult
-from app.engine.playbacks import LoadedPlayback, Pace
+from app.engine.pace import Pace
+from app.engine.playbacks import LoadedPlayback
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.state import intents as ask

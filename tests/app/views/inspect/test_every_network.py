@@ -5,7 +5,8 @@ import torch
 
 from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
-from app.engine.playbacks import LoadedPlayback, Pace
+from app.engine.pace import Pace
+from app.engine.playbacks import LoadedPlayback
 from app.html.moment import Moment
 from app.state.view_state import ViewState
 from app.views.attention.html.side import side_html

@@ -57,7 +57,7 @@ def test_a_map_of_the_past_is_pinned_and_the_present_is_held_against_it():
             await press(browser, "live:follow")
             await browser.until(lambda: viewer.page.follows and viewer.page.state.index > 8)
             await browser.until(lambda: re.search(r"now and A share \d?\d % of their weight", browser.words()))
-            then = viewer.page.results["attention.pin"].value
+            then = viewer.page.results["attention.pin"].value.pin
             assert then.index == 5
             recording = viewer.feed.recording()
             query, site = viewer.page.state.query, viewer.page.results["attention.pin"].job.pinned.site
@@ -109,11 +109,11 @@ def test_a_question_about_now_is_answered_by_a_network_that_was_not_asked_for_lo
 
         first = asked()
         assert first.trouble == ""
-        window = viewer.feed.windows.kept[first.value.index]
+        window = viewer.feed.windows.kept[first.value.pin.index]
         wait_for(lambda: viewer.feed.recording().is_gone(window))
         again = asked()
         assert again.trouble == ""
-        assert again.value.index > first.value.index
+        assert again.value.pin.index > first.value.pin.index
 
 
 def test_the_past_is_compared_by_another_network_and_a_cold_start_is_refused_in_words():
