@@ -114,8 +114,8 @@ class PageComposer:
             follows=limits.is_live and state.follows_newest,
             gone=self.loader.said_gone(state),
             refused=refused.why,
-            mirror=booth.shown(moment, frames.index) if is_shared else booth.idle,
-            presenting=booth.presenting if is_shared else "",
+            mirror=booth.shown(moment, frames.index) if booth.is_active else booth.idle,
+            presenting=booth.presenting if booth.is_active else "",
             gives_home=booth.homes is not None,
             public_url=booth.public_url,
         )

@@ -100,7 +100,7 @@ class Visit:
             recalled = self._reduced(recalled, ask.ChooseModel(models[0]))
         if refused:
             self.refuse("Not all of your last view could be restored", f"Left out: {', '.join(refused)}.")
-        return recalled
+        return self._reduced(recalled, ask.FormChanged())  # each view's reducer sees what was kept
 
     def _reduced(self, state: ViewState, intent: Any) -> ViewState:
         return reduce_views(state, intent, Limits(), self._views)
@@ -113,7 +113,8 @@ class Visit:
             self.refuse("This session cannot be shown", str(error))
             return state, ()
         if page is not None:
-            return replace(page, workspace=state.workspace, tab=state.tab, visit=state.visit), ()
+            page = replace(page, workspace=state.workspace, tab=state.tab, visit=state.visit)
+            return page, (ask.FormChanged(),)  # what was kept may not fit together: each view's reducer sees it
         told = (view.name for view in self._views if view.opens_for(self._catalogue, recording_id))
         return state, (*self._booth.opened(recording_id, state), *map(ask.OpenTab, told))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import app
+from app.catalogue.recordings import suited_policy
 from app.notebook import NotShownError
 from etnet.bundled import samples
 from etnet.errors import EtnetError
@@ -50,7 +51,7 @@ def test_a_function_of_a_notebook_is_a_tab_of_its_page():
     def busy_pixels(moment):
         return f"{len(moment.events)} events in window {moment.window.index}"
 
-    shown_in = app.view(samples()[0], views=[busy_pixels], precision="fp32", threads=1, budget=64)
+    shown_in = app.view(samples()[-1], views=[busy_pixels], precision="fp32", threads=1, budget=64)
 
     async def look():
         async with Browser.open(int(shown_in.url.rsplit(":", 1)[1]), tab=1) as browser:
@@ -65,8 +66,8 @@ def test_a_function_of_a_notebook_is_a_tab_of_its_page():
         words = asyncio.run(look())
     finally:
         shown_in.stop()
-    with open_recording(samples()[0]) as recording:
-        window = plan_windows(recording, BetweenFrames())[2]
+    with open_recording(samples()[-1]) as recording:
+        window = plan_windows(recording, suited_policy(recording))[2]
     assert f"{window.num_events} events in window 2" in words
 
 

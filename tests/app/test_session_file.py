@@ -52,7 +52,7 @@ def test_a_session_opens_as_it_was_taken(taken):
     assert (config.file, config.precision) == (taken / "walk.txt", "fp32")
     catalogue = Catalogue(config)
     recording_id, opened = id_of(session, config, catalogue.entries()[0])
-    catalogue.granted[recording_id] = opened
+    catalogue.grant(recording_id, opened)
     recording = catalogue.open(recording_id)
     assert recording.opened_as == session.opened
     assert session_file.events_sha256(recording) == session.events_sha256

@@ -33,9 +33,9 @@ USUAL = FilmSetting()
 @pytest.fixture
 def videos(monkeypatch):
     monkeypatch.setattr("app.catalogue.videos.QUIET", 0.01)
-    made = Videos()
-    made.forgotten = []
-    made.forget = made.forgotten.append
+    forgotten = []
+    made = Videos(forgotten.append)
+    made.forgotten = forgotten
     yield made
     made.close()
 
