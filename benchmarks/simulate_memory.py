@@ -1,6 +1,6 @@
 """Is memory flat? The largest resident size while films of 300 and of 3,000 frames are simulated into a file.
 
-`python benchmarks/simulate_memory.py`. Each film is a process of its own: 160×120, 4 pixels a frame, the pixels of a
+`python benchmarks/simulate_memory.py`. Each film is a process of its own: 80×60, 2 pixels a frame, the pixels of a
 DAVIS346; the recording is written as `etnet simulate` writes it.
 """
 
@@ -29,8 +29,8 @@ class BackAndForth:
         from etnet.simulation.tone import Tone
         from tests.simulation.known_motion import FRAME_US, KnownScene
 
-        self._scene, self._num_frames, self.interval = KnownScene(4.0, size=(160, 120)), num_frames, FRAME_US
-        self.sensor, self.tone, self.duration = Sensor(160, 120), Tone("srgb"), num_frames * FRAME_US / 1e6
+        self._scene, self._num_frames, self.interval = KnownScene(2.0, size=(80, 60)), num_frames, FRAME_US
+        self.sensor, self.tone, self.duration = Sensor(80, 60), Tone("srgb"), num_frames * FRAME_US / 1e6
 
     def __iter__(self) -> Iterator[object]:
         from etnet.simulation.footage import Frame

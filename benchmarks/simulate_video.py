@@ -3,7 +3,8 @@
 `python benchmarks/simulate_video.py [PHOTO …]` (names of scikit-image's photos; default coffee). Each simulator is
 judged against itself on all moments of the scene: EventCV's pixels differ from ours, its own truth does not. Ours is
 `EventSimulator.run` with two threads; each is the fastest of three runs. `…_fps` is wall time, to which a busy machine
-adds; `…_frames_per_cpu_s` counts the processor seconds of all threads.
+adds; `…_frames_per_cpu_s` counts the processor seconds of all threads, `…_own_thread_share` is how much of them the
+calling thread took: below a half two free cores are both busy all the time.
 """
 
 import sys
@@ -45,13 +46,15 @@ def rival(frames: np.ndarray, fps: float, sensor: Sensor, upsample: str) -> Even
 
 def timed(row: dict[str, object], name: str, num_frames: int, call: Callable[[], T]) -> T:
     """The answer of a call; its frames a second, of wall and of processor, go into the row."""
-    walls, spents = [], []
+    walls, spents, owns = [], [], []
     for _ in range(RUNS):
-        began, spent = time.perf_counter(), time.process_time()
+        began, spent, own = time.perf_counter(), time.process_time(), time.thread_time()
         found = call()
         walls.append(time.perf_counter() - began)
         spents.append(time.process_time() - spent)
+        owns.append(time.thread_time() - own)
     row[f"{name}_fps"], row[f"{name}_frames_per_cpu_s"] = num_frames / min(walls), num_frames / min(spents)
+    row[f"{name}_own_thread_share"] = min(own / spent for own, spent in zip(owns, spents, strict=True))
     return found  # pyright: ignore[reportPossiblyUnboundVariable]
 
 

@@ -80,8 +80,7 @@ class PageComposer:
         refused: Refused = NOTHING_REFUSED,
     ) -> Page:
         """`is_moving`: what is drawn now is soon replaced, by a finger or because it plays."""
-        booth, is_shared = self.booth, self.booth.is_active
-        frames, facts, limits = self.frames, self.known.of(state), self.loader.limits(state)
+        frames, booth, facts, limits = self.frames, self.booth, self.known.of(state), self.loader.limits(state)
         step = self.engine.status(frames.request).step_milliseconds if frames.request else None
         page = Page(
             state,

@@ -24,6 +24,8 @@ from etnet.simulation.trials import Recorded, best_trial
 
 TRIAL_FRAMES = 25
 """Frames of the recording that the trials go over, from its middle."""
+FEWEST_FRAMES = 8
+"""Fewer tell little: of a street's four frames the thresholds came to 2.8 and .09 (`docs/simulation.md`)."""
 _UNMEASURED = {"sigma_thres": 0.03, "leak_rate_hz": 0.1}
 """What no measurement tells: values of a DAVIS (Brandli et al. 2014, Nozaki and Delbruck 2017)."""
 _NOISE_SHARE = 0.25
@@ -76,6 +78,8 @@ def measure_twin(
             remarks.append("a quarter of what nothing supports is taken as shot noise")
         return Twin(pixels, None, None, None, tuple(remarks))
     remarks.append(f"tried on {len(frames)} of its frames, which are taken as {tone}")
+    if len(frames) < FEWEST_FRAMES:
+        remarks.append(f"only {len(frames)} frames: thresholds, bandwidth and lag are hardly known from so few")
     recorded = _recorded(recording, frames)
     best, tried = best_trial(pixels, recorded, lambda share: told(0.3 + 0.7 * share))
     found = ", ".join(f"{_hertz(cutoff)} {alike:.3f}" for cutoff, alike in sorted(tried.items()))

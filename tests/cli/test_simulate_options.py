@@ -115,4 +115,4 @@ def test_an_interpolator_is_taken_by_its_path(sources, tmp_path, capsys):
     with h5py.File(tmp_path / "a.h5") as file:
         assert (file.attrs["interpolator"], file.attrs["interpolate"]) == ("mean.onnx", "learned")
     assert done(sources, tmp_path / "b.h5", *given, "--interpolate", "off") == 1
-    assert "takes no steps for --interpolator" in capsys.readouterr().err
+    assert "so --interpolator has none to make" in capsys.readouterr().err

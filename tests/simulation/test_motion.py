@@ -71,8 +71,9 @@ def test_the_mean_of_two_flows_that_agree_errs_less_than_either():
     assert np.abs(between.forward.flow - there).max() <= 0.5 * np.abs(there).max()
 
 
-def test_the_number_of_threads_changes_nothing():
-    scene, before = KnownScene(4.0, True, (96, 72), num_frames=4), cv2.getNumThreads()
+@pytest.mark.parametrize("size", [(96, 72), (141, 101)])
+def test_the_number_of_threads_changes_nothing(size):
+    scene, before = KnownScene(4.0, True, size, num_frames=4), cv2.getNumThreads()
     found = []
     try:
         for inside, ours in ((1, 1), (1, 4), (3, 1), (8, 2)):
@@ -91,8 +92,9 @@ def test_one_by_one_or_in_a_run_the_events_are_the_same():
     assert same(fed[1:], scene.simulated(AUTO))
 
 
-def test_the_frames_themselves_are_the_ends_of_the_way():
-    first, second = (cv2.log(light + np.float32(0.01)) for light in lights(KnownScene(4.0, num_frames=2)))
+@pytest.mark.parametrize("size", [(240, 180), (161, 121), (96, 72)])
+def test_the_frames_themselves_are_the_ends_of_the_way(size):
+    first, second = (cv2.log(light + np.float32(0.01)) for light in lights(KnownScene(4.0, size=size, num_frames=2)))
     guides = tuple(guide_of(cv2.exp(level)) for level in (first, second))
     between = motion_between(first, second, (flow_between(*guides), flow_between(*guides[::-1])))
     assert np.abs(between.level(1e-6) - first).max() < 0.01
