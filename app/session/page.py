@@ -24,6 +24,10 @@ from app.views.view import View, areas, changing_views, open_views
 SCENE_INTERVAL = 1 / 12
 """Seconds between two pushes to the 3-D scene while it moves: a browser that is sent more textures shows fewer."""
 
+FOLLOW_INTERVAL = 1 / 20
+"""Seconds between two looks at a source that is followed; an image of the network is drawn when it comes. What the page
+is drawn with, the network does not have: a step waits for the page's thread and the page for the step."""
+
 
 class ScenePace:
     """Which pages of a drag reach the 3-D scene; at rest all do."""

@@ -33,7 +33,7 @@ from app.session.layout import arrangement_of, build_layout, watch_canvas
 from app.session.loader import RecordingLoader
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented, letters
 from app.session.opening import Opened, Opening, Unopened
-from app.session.page import PageComposer
+from app.session.page import FOLLOW_INTERVAL, PageComposer
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply, VisitorRuns
 from app.session.saved_view import SavedView
@@ -163,11 +163,11 @@ class Session:
 
     def _patience(self) -> float:
         since = time.monotonic() - self._pushed_at
-        if self._is_dirty or self._state.is_playing or self._follows():
+        if self._is_dirty or self._state.is_playing:
             return max(PUSH_INTERVAL - since, 0.001)
-        if self._is_moving():
-            return REST / 2
-        return GLANCE
+        if self._follows():
+            return max(FOLLOW_INTERVAL - since, 0.001)
+        return REST / 2 if self._is_moving() else GLANCE
 
     def _take(self, item: Item) -> None:
         match item:
