@@ -278,16 +278,12 @@ class Viewer:
 
         `tell` is told (images made, images wanted). Raises EtnetError where the recording cannot be shown.
         """
-        from app.catalogue.live import WaitingForEvents
         from app.catalogue.recordings import suited_policy
         from app.session.rehearsal import rehearse
         from app.views.demo.first import first_html
 
         view = self.default
-        with suppress(
-            *(WaitingForEvents,) if self.live else ()
-        ):  # a still scene: the page says so, and goes on waiting
-            rehearse(self.engine, self.catalogue, view, tell)
+        rehearse(self.engine, self.catalogue, view, tell, may_be_silent=True)
         if self.live is None:
             recording = self.catalogue.open(view.recording_id)
             policy = suited_policy(recording) if view.policy is None else view.policy

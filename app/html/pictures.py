@@ -305,5 +305,5 @@ def _cloud(moment: Moment, limit: int) -> EventCloud:
     positions[:, 0] = events.x[chosen] + 0.5
     positions[:, 1] = events.y[chosen] + 0.5
     positions[:, 2] = (window.t_stop - events.t[chosen]) / max(window.t_stop - window.t_start, 1)
-    colours = polarity_colours(events)[chosen]
+    colours = polarity_colours(events, chosen)
     return EventCloud(positions, colours, len(events), (window.t_stop - window.t_start) / 1000)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Shaped
 
 from app.catalogue.cut import CutRecording
 from app.html.moment import ARRAYS, Moment
@@ -57,6 +57,13 @@ def place_of(moment: Moment, t: float) -> float:
     """Where a stamp (µs) lies on the strip's linear axis, in its own measure; stamps outside stay at its ends."""
     span = axis_of(moment)
     return AXIS_WIDTH * min(max((t - span.start) / max(span.stop - span.start, 1), 0.0), 1.0)
+
+
+def places_of(moment: Moment, stamps: Shaped[np.ndarray, " n"]) -> list[float]:
+    """The same for many stamps at once."""
+    span = axis_of(moment)
+    shares = (stamps - float(span.start)) / max(span.stop - span.start, 1)
+    return (AXIS_WIDTH * np.clip(shares, 0.0, 1.0)).tolist()
 
 
 def axis_of(moment: Moment) -> Span:

@@ -33,6 +33,10 @@ from etnet.windows import Policy
 SCENE_INTERVAL = 1 / 12
 """Seconds between two pushes to the 3-D scene while it moves: a browser that is sent more textures shows fewer."""
 
+FOLLOW_INTERVAL = 1 / 20
+"""Seconds between two looks at a source that is followed; an image of the network is drawn when it comes. What the page
+is drawn with, the network does not have: a step waits for the page's thread and the page for the step."""
+
 
 IMAGES_A_SCENE = 2.0
 """Of the mirror, for one push to the scene: a browser that draws it in software on the same machine slows the network,

@@ -45,9 +45,24 @@ class Rehearsed:
     step: float
 
 
-def rehearse(engine: Engine, catalogue: Catalogue, view: ViewState, tell: Tell, most: int = MOST_WINDOWS) -> Rehearsed:
-    """Render the windows of the view's recording from the first on. Raises EtnetError where that cannot be shown."""
-    recording = _opened(catalogue, view.recording_id)
+def rehearse(
+    engine: Engine,
+    catalogue: Catalogue,
+    view: ViewState,
+    tell: Tell,
+    most: int = MOST_WINDOWS,
+    may_be_silent: bool = False,
+) -> Rehearsed:
+    """Render the windows of the view's recording from the first on. Raises EtnetError where that cannot be shown.
+
+    `may_be_silent`: nothing is rendered of a live source that sees a still scene; its page says so and waits on.
+    """
+    try:
+        recording = _opened(catalogue, view.recording_id)
+    except WaitingForEvents:
+        if not may_be_silent:
+            raise
+        return Rehearsed(0, 0.0)
     if isinstance(recording, CutRecording) and recording.is_live:
         return _followed(engine, recording, view, tell, min(most, LIVE_WINDOWS))
     policy = suited_policy(recording) if view.policy is None else view.policy

@@ -28,7 +28,7 @@ from app.session.jobs import JobNews
 from app.session.layout import arrangement_of, build_layout, watch_canvas
 from app.session.loader import Opened, Opening, RecordingLoader, Unopened
 from app.session.messages import CanvasChanged, Closed, HandedOver, Item, Presented
-from app.session.page import PageComposer, VisitorRequests
+from app.session.page import FOLLOW_INTERVAL, PageComposer, VisitorRequests
 from app.session.player import Player
 from app.session.runs import RunPlanned, RunReply
 from app.session.saved_view import SavedView
@@ -160,11 +160,11 @@ class Session:
 
     def _patience(self) -> float:
         since = time.monotonic() - self._pushed_at
-        if self._is_dirty or self._state.is_playing or self._follows():
+        if self._is_dirty or self._state.is_playing:
             return max(PUSH_INTERVAL - since, 0.001)
-        if self._is_moving():
-            return REST / 2
-        return GLANCE
+        if self._follows():
+            return max(FOLLOW_INTERVAL - since, 0.001)
+        return REST / 2 if self._is_moving() else GLANCE
 
     def _take(self, item: Item) -> None:
         match item:

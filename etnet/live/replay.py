@@ -20,6 +20,8 @@ MARGIN = 1_000_000
 """µs before the first and after the last event in which frames are replayed too."""
 LARGEST_PACKET = 1 << 20
 """Events handed over at once, where the replay is late."""
+AHEAD = 1 << 16
+"""Events that are read at once of a slow recording, for many packets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,7 @@ class Replay(WithoutSettings):
     def packets(self, is_stopped: Callable[[], bool]) -> Iterator[Packet]:
         """Round after round. Each goes on after the one before it on one clock."""
         first, end = self._extent()
+        reader = _Ahead(self.recording)
         shift, began, played = 0, time.monotonic(), 0
         while True:
             start, at, before = 0, first, first - 1
@@ -65,12 +68,12 @@ class Replay(WithoutSettings):
                 self._wait(played + at - first, began, is_stopped)
                 if is_stopped():
                     return
-                stop = self.recording.index_at(at)
+                stop = reader.stop_at(start, at)
                 for place in range(start, max(stop, start + 1), LARGEST_PACKET):
                     last = min(place + LARGEST_PACKET, stop)
                     is_whole = last == stop
                     yield Packet(
-                        _shifted(self.recording.read(place, last), shift),
+                        _shifted(reader.read(place, last), shift),
                         at + shift if is_whole else None,
                         self._frames(before, at, shift) if is_whole else (),
                         self._triggers(before, at, shift) if is_whole else no_triggers(),
@@ -125,3 +128,30 @@ class Replay(WithoutSettings):
 
 def _shifted(events: Events, shift: int) -> Events:
     return events if shift == 0 else Events(events.x, events.y, events.t + shift, events.p, events.sensor)
+
+
+class _Ahead:
+    """A recording's events in long stretches: a file that is unpacked for each packet costs more than the packet."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording, self._start = recording, 0
+        self._events = Events.empty(recording.sensor)
+
+    def stop_at(self, start: int, t: int) -> int:
+        """The number of the first event stamped `t` (µs) or later, where all before `start` are earlier."""
+        if not self._start <= start < self._stop:
+            self._start = start
+            self._events = self._recording.read(start, min(start + AHEAD, self._recording.num_events))
+        if self._stop < self._recording.num_events and self._events.t[-1] < t:
+            return self._recording.index_at(t)
+        return self._start + int(np.searchsorted(self._events.t, t))
+
+    def read(self, start: int, stop: int) -> Events:
+        """Events start … stop − 1."""
+        if self._start <= start and stop <= self._stop:
+            return self._events[start - self._start : stop - self._start]
+        return self._recording.read(start, stop)
+
+    @property
+    def _stop(self) -> int:
+        return self._start + len(self._events)

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Int64, UInt8
 
 from etnet.events.events import Events
 from etnet.render.colours import GROUND, OFF, ON, counting, diverging, diverging_levels
@@ -58,9 +58,9 @@ def event_image(events: Events, style: EventStyle, t_start: int, t_stop: int) ->
     return Indexed(np.where(newest == 0, 0, level).astype(np.uint8).reshape(height, width), palette), limit
 
 
-def polarity_colours(events: Events) -> UInt8[np.ndarray, "n 3"]:
-    """One colour an event."""
-    return np.array([OFF, ON], np.uint8)[(events.p > 0).astype(np.intp)]
+def polarity_colours(events: Events, chosen: Int64[np.ndarray, " n"] | slice = slice(None)) -> UInt8[np.ndarray, "n 3"]:
+    """One colour an event, of those that are `chosen` by their numbers."""
+    return np.array([OFF, ON], np.uint8)[(events.p[chosen] > 0).astype(np.intp)]
 
 
 @cache

@@ -1,6 +1,7 @@
 """A recorded file replayed with the windows as they were cut gives the live frames, to the bit."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import torch
 from etnet.events.events import Sensor
 from etnet.events.open import open_recording
 from etnet.events.opened_as import View
-from etnet.events.recording import recording_of_events
+from etnet.events.recording import MemorySource, recording_of_events
+from etnet.live import replay as replay_module
 from etnet.live.binning import binned, fitting_downsample
 from etnet.live.log import windows_as_cut
 from etnet.live.pace import fitting_policy, measured_step
@@ -86,6 +88,40 @@ def test_a_replay_goes_at_its_own_speed_and_round_and_round():
         assert (np.diff(read.t) >= 0).all()
         assert same(type(events)(read.x[:500], read.y[:500], read.t[:500], read.p[:500], read.sensor), events)
         assert np.array_equal(np.diff(read.t[500:1000]), np.diff(events.t))
+
+
+class _Counted(MemorySource):
+    """Counts how often it is read."""
+
+    num_reads = 0
+
+    def read(self, start, stop):
+        _Counted.num_reads += 1
+        return super().read(start, stop)
+
+
+@pytest.mark.parametrize("ahead", [1, 700, 1 << 16])
+def test_a_replay_hands_over_every_event_whatever_it_reads_ahead(monkeypatch, ahead):
+    monkeypatch.setattr(replay_module, "AHEAD", ahead)
+    events = make_events(9_000, SENSOR, duration=300_000)
+    plain = recording_of_events(events)
+    packets = list(Replay(plain, speed=0, packet_us=1_000).packets(lambda: False))
+    at = 0
+    for packet in packets:
+        assert same(packet.events, events[at : at + len(packet.events)])
+        assert packet.until is not None
+        assert len(packet.events) == 0 or packet.events.t[-1] < packet.until
+        at += len(packet.events)
+        assert at == len(events) or events.t[at] >= packet.until
+    assert at == len(events)
+
+
+def test_a_replayed_file_is_read_once_for_many_packets():
+    events = make_events(9_000, SENSOR, duration=300_000)
+    recording = replace(recording_of_events(events), source=_Counted(events))
+    packets = list(Replay(recording, speed=0, packet_us=1_000).packets(lambda: False))
+    assert len(packets) >= 300
+    assert _Counted.num_reads <= 3
 
 
 def test_a_replay_as_fast_as_it_goes_gives_the_same_events_and_frames():

@@ -75,6 +75,8 @@ def test_counting_ignores_polarity():
 def test_each_event_has_the_hue_of_its_polarity():
     colours = polarity_colours(events_of([(0, 0, 1, 1), (0, 0, 2, -1)]))
     assert [tuple(c) for c in colours] == [ON, OFF]
+    many = events_of([(0, 0, 1, 1), (0, 0, 2, -1), (0, 0, 3, -1), (0, 0, 4, 1)])
+    assert [tuple(c) for c in polarity_colours(many, np.array([3, 1]))] == [ON, OFF]
 
 
 @pytest.mark.parametrize("style", EVENT_STYLES)

@@ -79,8 +79,7 @@ class LivePanel(Panel):
         self._rate.show(live.followed)
 
     def _widget(self, setting: Setting) -> Any:
-        name, label = setting.name, setting.name.replace(".", ": ").replace("_", " ")
-        now = _value_of(setting)
+        name, label, now = setting.name, _label(setting.name), _value_of(setting)
         if setting.is_switch:
             widget = self._gui.add_checkbox(label, initial_value=bool(now))
         elif setting.choices:
@@ -94,6 +93,12 @@ class LivePanel(Panel):
             widget = self._gui.add_slider(label, setting.minimum, highest, 1, initial_value=int(now))
         on_visitor(widget, lambda value: ChangeSetting(name, _number_of(setting, value)), self._dispatch)
         return widget
+
+
+def _label(name: str) -> str:
+    """Without its group, which stands above it: "exposure (µs)" of exposure_us."""
+    words = name.rpartition(".")[2].replace("_", " ")
+    return f"{words.removesuffix(' us')} (µs)" if words.endswith(" us") else words
 
 
 def _value_of(setting: Setting) -> int | bool | str:

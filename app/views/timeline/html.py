@@ -10,7 +10,7 @@ import numpy as np
 from app.catalogue.cut import is_live
 from app.html.elements import ON_PICK, escape, icon, icon_button, panel, segmented
 from app.html.moment import ARRAYS, Moment
-from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, axis_of, curve_of, place_of, plan_of
+from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, axis_of, curve_of, place_of, places_of, plan_of
 from app.html.units import count, of_whole, rate, seconds
 from app.state.view_state import ViewState
 from app.views.timeline.state import SPEEDS, speed_of
@@ -86,7 +86,7 @@ def _on_axis(moment: Moment, stamps: np.ndarray) -> np.ndarray:
 def _ticks(moment: Moment, stamps: np.ndarray, top: int, bottom: int) -> str:
     """Upright lines at stamps, thinned evenly where there are very many."""
     step = max(1, -(-len(stamps) // _MAX_TICKS))
-    return "".join(f"M{place_of(moment, float(stamp)):.1f} {top}V{bottom}" for stamp in stamps[::step])
+    return "".join(f"M{x:.1f} {top}V{bottom}" for x in places_of(moment, stamps[::step]))
 
 
 def _triggers(moment: Moment) -> str:
@@ -134,11 +134,9 @@ def _area(moment: Moment, stamps: np.ndarray, rates: np.ndarray) -> str:
     if len(stamps) == 0:
         return ""
     top, height = max(float(rates.max()), 1e-9), _FLOOR - 8
-    points = [
-        (place_of(moment, float(t)), _FLOOR - height * float(r) / top) for t, r in zip(stamps, rates, strict=True)
-    ]
-    line = " ".join(f"L{x:.1f} {y:.1f}" for x, y in points)
-    return f"M0 {_FLOOR} L0 {points[0][1]:.1f} {line} L{points[-1][0]:.1f} {_FLOOR} Z"
+    xs, ys = places_of(moment, stamps), (_FLOOR - height * rates / top).tolist()
+    line = " ".join(f"L{x:.1f} {y:.1f}" for x, y in zip(xs, ys, strict=True))
+    return f"M0 {_FLOOR} L0 {ys[0]:.1f} {line} L{xs[-1]:.1f} {_FLOOR} Z"
 
 
 def _lane(moment: Moment, held: Cached, approximate: range, changed: range) -> str:

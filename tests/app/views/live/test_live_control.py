@@ -75,7 +75,7 @@ class ManyKindsSource(SettableSource):
         super().__init__()
         self.held = {
             "rate_limiter": Setting("rate_limiter", 0, 0, 1, is_switch=True),
-            "rate_limiter.events": Setting("rate_limiter.events", 700, 1, 4_000_000),
+            "rate_limiter.period_us": Setting("rate_limiter.period_us", 700, 1, 4_000_000),
             "polarity_filter": Setting("polarity_filter", 0, 0, 2, ("disabled", "flatten", "mask on")),
             "diff_on": Setting("diff_on", 20, 0, 255),
         }
@@ -97,7 +97,7 @@ def test_switches_choices_and_wide_ranges_have_widgets_of_their_own():
             await browser.until(lambda: any(p.get("label") == "diff on" for p in browser.widgets.values()))
             for label, chosen, name, value in (
                 ("rate limiter", True, "rate_limiter", 1),
-                ("rate limiter: events", 12_345, "rate_limiter.events", 12_345),
+                ("period (µs)", 12_345, "rate_limiter.period_us", 12_345),
                 ("polarity filter", "mask on", "polarity_filter", 2),
                 ("diff on", 33, "diff_on", 33),
             ):

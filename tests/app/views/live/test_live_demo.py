@@ -56,8 +56,11 @@ def test_a_live_source_is_waited_for_before_the_doors_open_and_each_of_its_windo
 
 def test_a_scene_that_stays_still_is_said_in_words(monkeypatch):
     monkeypatch.setattr(rehearsal, "LIVE_PATIENCE", 0.5)
-    with live_viewer(Late(60), is_demo=True) as viewer, pytest.raises(WaitingForEvents, match="no events yet; move"):
-        rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda *done: None)
+    with live_viewer(Late(60), is_demo=True) as viewer:
+        with pytest.raises(WaitingForEvents, match="no events yet; move"):
+            rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda *done: None)
+        waits = rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda *done: None, may_be_silent=True)
+        assert waits.num_images == 0
 
 
 def test_the_whole_viewer_shows_a_live_source_in_public():
