@@ -152,8 +152,9 @@ def _of_plain(hint: Any, value: object, bounds: Bounds, said: Mapping[str, Any])
         return value if isinstance(value, bool) else None
     if hint is str:
         return value if isinstance(value, str) and _is_fine(value, said) else None
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or (isinstance(value, float) and (hint is int or not math.isfinite(value))):
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    if isinstance(value, float) and (hint is int or not math.isfinite(value)):
         return None
     low, high = said.get("range", (-bounds.largest, bounds.largest))
     if hint is int or "range" in said or bounds.clamps:
@@ -199,8 +200,8 @@ def _of_any(hint: Any, value: object, bounds: Bounds, said: Mapping[str, Any]) -
 def _of_list(hint: Any, value: object, bounds: Bounds) -> Any:
     origin, members = get_origin(hint), get_args(hint)
     is_set = origin is frozenset
-    is_list = isinstance(value, list | tuple | frozenset) and len(value) <= bounds.longest_list
-    if not is_list or (isinstance(value, frozenset) and not is_set):
+    is_list = isinstance(value, list | tuple) or (is_set and isinstance(value, frozenset))
+    if not isinstance(value, list | tuple | frozenset) or not is_list or len(value) > bounds.longest_list:
         raise PlainError(f"{_short(value)}; wanted {_wanted(hint, bounds)}")
     if is_set or (len(members) == 2 and members[1] is Ellipsis):
         try:
