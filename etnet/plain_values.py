@@ -200,11 +200,8 @@ def _of_any(hint: Any, value: object, bounds: Bounds, said: Mapping[str, Any]) -
 def _of_list(hint: Any, value: object, bounds: Bounds) -> Any:
     origin, members = get_origin(hint), get_args(hint)
     is_set = origin is frozenset
-    if (
-        not isinstance(value, list | tuple | frozenset)
-        or len(value) > bounds.longest_list
-        or (isinstance(value, frozenset) and not is_set)
-    ):
+    is_list = isinstance(value, list | tuple) or (is_set and isinstance(value, frozenset))
+    if not isinstance(value, list | tuple | frozenset) or not is_list or len(value) > bounds.longest_list:
         raise PlainError(f"{_short(value)}; wanted {_wanted(hint, bounds)}")
     if is_set or (len(members) == 2 and members[1] is Ellipsis):
         try:
