@@ -53,5 +53,5 @@ def press(page, name):
 
 
 def close(page):
-    assert page.errors == []
+    assert page.errors == [], page.errors
     page.context.close()

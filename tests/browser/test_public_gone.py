@@ -48,6 +48,7 @@ DRAG = """() => {
   }
 }"""
 MENUS = """(ours) => {
+  window.showSaveFilePicker = () => new Promise(() => {});
   for (const button of document.querySelectorAll('button, [role=button], [role=tab]')) {
     if (!button.closest(ours)) button.click();
   }

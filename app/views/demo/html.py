@@ -174,6 +174,8 @@ def _ring(page: Page, width: int, height: int) -> list[str]:
 def foot_html(page: Page) -> str:
     """Play, the one slider, and three things to do."""
     state = page.state.of(DemoState)
+    if page.mirror is not None and page.mirror.is_live:
+        return '<section class="etv-demo-bar etv-foot" hidden></section>'  # the mirror's own stands there
     plays = page.state.is_playing
     play = _round("demo:play", "pause" if plays else "play", "Pause" if plays else "Play")
     if state.guess == "asked":

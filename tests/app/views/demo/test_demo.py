@@ -207,6 +207,7 @@ def test_of_the_mirror_a_page_can_be_taken_home_while_its_sliders_stay(moment, r
     assert "Your page is being made" in sheet_html(asked)
     assert mirror_html(asked) == mirror_html(live), "sliders that are replaced lose their place"
     assert "hidden" in mirror_html(page_of(moment, ready))
+    assert "<button" not in foot_html(live), "what lies under it is nobody's to press"
     assert "half an hour" in sheet_html(page_of(moment, ready, DemoState(sheet="mirror")))
     assert "half an hour" not in sheet_html(page_of(moment, ready, DemoState(sheet="mirror"), gives_home=False))
 
