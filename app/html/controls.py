@@ -14,8 +14,6 @@ from etnet.render.encode import data_url
 
 VISIBLE = 0.005
 """Of full brightness: a smaller change of a raw frame cannot be seen (1 of 255 grey levels is 0.004)."""
-LINE = "#82d45c"
-"""Of a single curve."""
 _WIDTH, _HEIGHT = 1000, 120
 PERCENTILE = 99.5
 """Of the magnitudes: where the colours of a signed picture end."""

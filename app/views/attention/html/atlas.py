@@ -100,7 +100,9 @@ def _heads_grid(shown: Shown, effects: dict[str, np.ndarray], sites: tuple[str, 
     heads = range(shown.num_heads)
     if shown.look.order != "network":
         both = sorted(((name, head) for head in heads for name in sites), key=lambda one: _rank(shown, effects, *one))
-        drawn = "".join(_head_cell(shown, effects, name, head, f"{_short(name)} · {head}") for name, head in both)
+        drawn = "".join(
+            _head_cell(shown, effects, name, head, f"{_own_part(shown, name)} · {head}") for name, head in both
+        )
         return f'<div class="et-sites et-atlas et-sorted et-by-head" style="{style}">{drawn}</div>'
     named = (f'<div class="et-head">{_short(name).rpartition(" ")[0]}<br>{Site.of(name).kind}</div>' for name in sites)
     cells = ["<div class=et-head>head</div>", *named]
@@ -108,6 +110,12 @@ def _heads_grid(shown: Shown, effects: dict[str, np.ndarray], sites: tuple[str, 
         cells.append(f'<div class="et-name"><b>{head}</b></div>')
         cells += [_head_cell(shown, effects, name, head) for name in sites]
     return f'<div class="et-sites et-atlas et-by-head" style="{style}">{"".join(cells)}</div>'
+
+
+def _own_part(shown: Shown, name: str) -> str:
+    """What tells a site from the others of the part: its layer within a scale, its scale within a layer."""
+    scale, _, layer = _short(name).partition(" ")
+    return layer if shown.slice_.only.startswith("scale") else scale
 
 
 def _head_cell(shown: Shown, effects: dict[str, np.ndarray], name: str, head: int, which: str = "") -> str:
@@ -119,7 +127,7 @@ def _head_cell(shown: Shown, effects: dict[str, np.ndarray], name: str, head: in
         mark += " et-muted"
     value = effects.get(name)
     said = "…" if value is None or np.isnan(value[head]) else effect_words(float(value[head]))
-    label = f"{which} {said}" if which else said
+    label = f"{which}<br>{said}" if which else said
     return f'<div class="et-thumb{mark}">{map_}<span class="et-label">{label}</span></div>'
 
 
