@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Event, Lock
 
 from app.catalogue.cut import CutRecording, FirstKept, with_cut
-from app.catalogue.threads import THREADS
+from app.catalogue.threads import InOrder
 from etnet.errors import EtnetError, RecordingError, WindowError
 from etnet.events.events import Sensor
 from etnet.events.open import open_recording
@@ -124,6 +124,7 @@ class LiveFeed:
         self._binned = Binned(self.live.recording(), self.downsample) if self.downsample > 1 else None
         self._windowing = "measuring how long a step takes"
         self._lock = Lock()
+        self._asked = InOrder("live")
         self._changed = Event()
         self._newest: CutRecording | None = None
         self._delays: OrderedDict[int, float | None] = OrderedDict()
@@ -264,8 +265,9 @@ class LiveFeed:
             self._files[held[0]] = held[1].path, self._written(*held, is_over=True)
 
     def begin(self, work: Callable[[], None]) -> None:
-        """Do one of these beside the caller: a disk may be slow."""
-        THREADS.start(work, "live")
+        """Do one of these beside the caller, in the order in which they are asked: a disk may be slow."""
+        if not self._asked.start(work):
+            self.live.note("too much waits to be changed; try again")
 
     def change(self, name: str, value: int) -> None:
         """Change a setting of the source; one that cannot be changed is noted."""

@@ -6,6 +6,8 @@ thread, so a server that runs for days would grow by what is left of its visitor
 
 from __future__ import annotations
 
+import logging
+from collections import deque
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from threading import Event, Lock, Thread, current_thread
@@ -16,9 +18,12 @@ KEPT_IDLE = 4
 """Threads that wait for as long as the process lives; those of a crowd that has gone end after `PATIENCE`."""
 PATIENCE = 20.0
 """Seconds."""
+MOST_IN_ORDER = 200
+"""Pieces of work that wait for one another."""
 IDLE = "idle"
 """The name of a thread that waits."""
 
+_log = logging.getLogger(__name__)
 Work = Callable[[], object]
 _Mail = SimpleQueue[tuple[Work, str, Event]]
 
@@ -69,6 +74,41 @@ class ThreadPool:
                 return False
             self._idle.remove(mail)
             return True
+
+
+class InOrder:
+    """Does one piece of work after the other, in the order in which it is given, beside the caller."""
+
+    def __init__(self, name: str, most: int = MOST_IN_ORDER) -> None:
+        self._name = name
+        self._most = most
+        self._waiting: deque[Work] = deque()
+        self._is_working = False
+        self._lock = Lock()
+
+    def start(self, work: Work) -> bool:
+        """Whether it will be done: not where too much waits already."""
+        with self._lock:
+            if len(self._waiting) >= self._most:
+                return False
+            self._waiting.append(work)
+            if self._is_working:
+                return True
+            self._is_working = True
+        THREADS.start(self._work, self._name)
+        return True
+
+    def _work(self) -> None:
+        while True:
+            with self._lock:
+                if not self._waiting:
+                    self._is_working = False
+                    return
+                work = self._waiting.popleft()
+            try:
+                work()
+            except Exception:
+                _log.exception("%s failed", self._name)
 
 
 def _do(work: Work, name: str, ended: Event) -> None:

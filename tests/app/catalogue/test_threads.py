@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.catalogue.threads import ThreadPool
+from app.catalogue.threads import InOrder, ThreadPool
 
 
 def follow_one_another(pool, num, work):
@@ -98,3 +98,24 @@ def test_visits_that_draw_leave_nothing_of_their_threads():
     follow_one_another(pool, 400, draw)
     gc.collect()
     assert (handed_out() - before) / 400 < 200  # a thread of its own each would leave 880
+
+
+def test_what_is_asked_in_order_is_done_in_order_whatever_fails_and_is_bounded():
+    done, gate, last = [], threading.Event(), threading.Event()
+    work = InOrder("settings", most=60)
+    assert work.start(lambda: gate.wait(10))
+    while work._waiting:
+        assert not gate.is_set()
+
+    def fails():
+        raise OSError("the camera has gone")
+
+    assert all(
+        work.start((lambda number=number: done.append(number)) if number != 7 else fails) for number in range(59)
+    )
+    assert work.start(last.set)
+    assert not work.start(lambda: done.append("too much"))
+    gate.set()
+    assert last.wait(10)
+    assert done == [number for number in range(59) if number != 7]
+    assert work.start(last.clear)
