@@ -148,8 +148,8 @@ def _refuse_what_passes(recording: Recording, policy: Policy) -> None:
         )
     if isinstance(recording, CutRecording) and policy == recording.policy:
         raise EtnetError(
-            f"{recording.name}: its windows are those of the live run, which no session plans again; choose the "
-            "windows once more, or use `etnet reconstruct --windows as-cut`, which gives the live frames"
+            f"{recording.name}: its windows are those of the live run, which no session plans again; choose "
+            "other windows, or use `etnet reconstruct --windows as-cut`, which gives the live frames"
         )
     if recording.growth is not None:
         raise EtnetError(f"{recording.name}: only a part of it is indexed by now; take its session when all of it is")
