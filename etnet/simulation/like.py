@@ -86,8 +86,8 @@ def measure_twin(
     remarks.append(f"bandwidth: of those tried, the one whose voxels correlate best ({found})")
     remarks.append("shot noise: so much that as many events have none near them as in the recording")
     remarks.append(f"lag: {best.pixels.lag_us / 1000:.1f} ms, with which the voxels correlate best")
-    both = (statistics(events, recorded.edges, recorded.seconds) for events in (recorded.events, best.events))
-    return Twin(best.pixels, *both, best.correlation, tuple(remarks))
+    real, made = (statistics(events, recorded.edges, recorded.seconds) for events in (recorded.events, best.events))
+    return Twin(best.pixels, real, made, best.correlation, tuple(remarks))
 
 
 def _hertz(cutoff: float) -> str:
