@@ -20,7 +20,6 @@ class RecordingSink:
     def __init__(self, file: h5py.File, sensor: Sensor) -> None:
         self.num_events, self.num_frames, self.last = 0, 0, 0
         self._file, self._sensor = file, sensor
-        _keep_little(file)
         self.num_flows, self._num_positive, self._first = 0, 0, 0
         kinds = {"xs": np.int16, "ys": np.int16, "ts": np.float64, "ps": np.bool_}
         self._columns = {
@@ -84,10 +83,3 @@ class RecordingSink:
         return self._file.create_dataset(
             name, data=data, chunks=data.shape, compression="gzip", compression_opts=4, shuffle=True
         )
-
-
-def _keep_little(file: h5py.File) -> None:
-    """Each frame is a dataset, of which HDF5 would keep 10 kB of headers until they are 32 MB in its own count."""
-    cache = file.id.get_mdc_config()
-    cache.set_initial_size, cache.initial_size, cache.min_size, cache.max_size = True, 1 << 20, 1 << 20, 2 << 20
-    file.id.set_mdc_config(cache)
