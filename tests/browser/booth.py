@@ -24,7 +24,8 @@ REACHED = """(ours) => {
 
 
 def serve(**options):
-    return Viewer(ViewerConfig(demo=True, budget=256, threads=1, roi=",".join(map(str, ROI)), **{"port": 0, **options}))
+    usual = {"port": 0, "roi": ",".join(map(str, ROI))}
+    return Viewer(ViewerConfig(demo=True, budget=256, threads=1, **{**usual, **options}))
 
 
 def open_demo(browser, viewer, width=1600, height=900, prepare=lambda page: None):

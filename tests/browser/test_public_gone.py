@@ -134,21 +134,9 @@ def test_when_a_visitor_has_gone_the_page_is_loaded_anew_and_nothing_of_theirs_i
     close(page)
 
 
-def test_on_a_phone_nothing_is_left_of_all_of_it(browser, demo, stays):
-    page = open_demo(browser, demo, *PHONE)
-    before = visited(page)
-    for act in ("mirror", "guess", "collapse", "drag a panel out", "open the menus", "turn the camera", "hide nodes"):
-        ACTS[act](page)
-    ACTS["keep something"](page)
-    stays()
-    until_anew(page, before)
-    close(page)
-
-
-@pytest.mark.parametrize("size", SIZES, ids=["desktop", "phone"])
-def test_a_file_that_was_handed_over_is_gone_with_its_visitor(browser, demo, stays, size, tmp_path):
+def test_a_file_that_was_handed_over_is_gone_with_its_visitor(browser, demo, stays, tmp_path):
     write_recording(recording("mine"), tmp_path / "mine.h5")
-    page = open_demo(browser, demo, *size)
+    page = open_demo(browser, demo, *DESKTOP)
     before = visited(page)
     press(page, "Your own face")
     with page.expect_file_chooser() as chooser:
@@ -174,11 +162,10 @@ def test_a_socket_that_is_cut_is_followed_by_the_show_and_nothing_of_the_visitor
     close(page)
 
 
-@pytest.mark.parametrize("size", SIZES, ids=["desktop", "phone"])
-def test_a_lost_connection_is_waited_for_with_a_sentence(browser, stays, size):
+def test_a_lost_connection_is_waited_for_with_a_sentence(browser, stays):
     viewer = serve()
     port = viewer.port
-    page = open_demo(browser, viewer, *size)
+    page = open_demo(browser, viewer, *DESKTOP)
     viewer.stop()
     page.get_by_test_id("lost").get_by_text("The show goes on in a moment").wait_for()
     again = serve(port=port)
