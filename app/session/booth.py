@@ -39,8 +39,6 @@ class Booth:
     ) -> None:
         self._seat = seat
         self.mirror, self.homes, self.public_url = mirror, homes, public_url.rstrip("/")
-        self.is_active = seat is not None
-        """Whether a camera or a presenter may move the page; without either, only its visitor does."""
         self.idle = None if mirror is None else MirrorShown(mirror.ticket)
         """What the page says of a mirror that does not run."""
         self._moved_at = 0.0
@@ -50,6 +48,12 @@ class Booth:
     def recording_id(self) -> str:
         """The mirror's recording, while it runs; "" otherwise."""
         return "" if self.mirror is None else self.mirror.recording_id
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a camera, what was ordered of it, or a presenter may move the page; else only its visitor does."""
+        mirror = self.mirror
+        return self._seat is not None or (mirror is not None and bool(mirror.recording_id or mirror.ordered))
 
     @property
     def presenting(self) -> str:
@@ -80,7 +84,6 @@ class Booth:
 
     def heard(self, news: MirrorNews, home_id: str) -> tuple[Any, ...]:
         """What follows when the camera begins or ends: its recording plays, or the former one is shown again."""
-        self.is_active = self._seat is not None or bool(news.recording_id)
         if self.mirror is not None:
             self.idle = MirrorShown(self.mirror.ticket, trouble=self.mirror.trouble)
         if news.recording_id:

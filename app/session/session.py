@@ -222,7 +222,7 @@ class Session:
             step = None if self.drawn is None else self.drawn[1].step_milliseconds
             self._reduce(*self._player.before(intent, self._state, self._held.limits(self._state), step))
         self._reduce(intent)
-        if self._booth.is_active:
+        if self._booth.is_active or self._is_public:
             self._reduce(*self._booth.goes_on(intent, was_playing, self._state))
 
     def _open_handed(self, recording_id: str) -> None:

@@ -71,6 +71,19 @@ def test_when_the_camera_ends_the_show_plays_on_and_what_was_ordered_of_it_is_ma
     assert seen.ordered == ""
 
 
+def test_a_booth_looks_after_its_mirror_until_what_was_ordered_of_it_is_made():
+    seen = mirror(recording_id="")
+    booth, state = Booth(seen), reduced(replace(STATE, recording_id="mirror-1"), TakeHome())
+    assert not booth.is_active
+    seen.recording_id = "mirror-1"
+    booth.advance(state, None)
+    seen.recording_id = ""  # the camera has ended
+    assert booth.is_active
+    booth.advance(STATE, None)  # the page is made
+    assert seen.ordered == ""
+    assert not booth.is_active
+
+
 def test_who_waits_for_their_page_has_not_gone_but_is_not_waited_for_for_ever(monkeypatch):
     booth, ordered = Booth(), reduced(STATE, TakeHome())
     assert not booth.waits(STATE)
