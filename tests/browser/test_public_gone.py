@@ -124,7 +124,11 @@ def until_anew(page, before):
     assert page.evaluate(REACHED, OURS) == []
 
 
-@pytest.mark.parametrize("act", ACTS)
+QUICK = ("touch", "keep something")
+"""Acts that every run tries; the others, which all wait for the same end, are tried with the slow tests."""
+
+
+@pytest.mark.parametrize("act", [act if act in QUICK else pytest.param(act, marks=pytest.mark.slow) for act in ACTS])
 def test_when_a_visitor_has_gone_the_page_is_loaded_anew_and_nothing_of_theirs_is_left(browser, demo, stays, act):
     page = open_demo(browser, demo, *DESKTOP)
     before = visited(page)

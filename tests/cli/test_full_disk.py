@@ -142,7 +142,8 @@ def test_evaluations(tmp_path, weights, capsys):
     write_event_utils(made_up(num_frames=4), tmp_path / "one.h5")
     out = tmp_path / "out" / "e"
     command = ["evaluate", weights, tmp_path / "one.h5", "--out", out, "--judge", "alex", "--flow", "file"]
-    assert refused(command, out, capsys, 100) == []
+    left = refused(command, out, capsys, 100)
+    assert [name for name in left if not name.endswith(".claim")] == []  # a claim is an empty file that stays
 
 
 def test_converted_checkpoints(tmp_path, capsys):
