@@ -7,6 +7,7 @@ import sqlite3
 import numpy as np
 import pytest
 
+from etnet.errors import RecordingError
 from etnet.events import cache
 from etnet.events.open import open_recording
 from tests.events.formats.test_ros import event_array, header_of, serialise, store_of
@@ -91,3 +92,16 @@ def test_of_two_event_topics_both_are_told(tmp_path):
         said = [remark.text for remark in recording.remarks]
         assert any(f"events of topic {RIGHT}/events" in text for text in said)
         assert any(f"{LEFT}/events" in text for text in said)
+
+
+@pytest.mark.parametrize("name", ["/davis/\nleft/events", "/" + "x" * 5_000 + "/image", "/a" * 3_000 + "/events"])
+def test_a_damaged_name_of_a_topic_is_one_short_line(name, tmp_path):
+    path = tmp_path / "a.db3"
+    record(path, [(name, EVENTS[1] if name.endswith("events") else picture(9))])
+    try:
+        with open_recording(path) as recording:
+            said = [remark.text for remark in recording.remarks]
+    except RecordingError as error:
+        said = [str(error)]
+    assert said
+    assert all("\n" not in text and len(text) < 1_000 for text in said)

@@ -31,6 +31,7 @@ from etnet.events.formats.ros.pictures import Pictures
 from etnet.events.formats.ros.trigger_messages import STAMPED, TopicTriggers
 
 _SQLITE = b"SQLite format 3\0"
+_LONGEST_NAME = 80
 _STREAMS = {"evt3": EVT["3.0"], "evt2": EVT["2.0"], "evt21": EVT21}
 """Encodings of packets that put together are a stream of a Prophesee camera."""
 
@@ -93,7 +94,7 @@ class _Bag:
 
     def _size(self, width: int, height: int) -> None:
         if self.sensor is None and width and height:
-            where = f"{self.request.name}: a message of {self.event_topic}"
+            where = f"{self.request.name}: a message of {_told(self.event_topic)}"
             self.sensor = declared_sensor(width, height, where, self.request.assume.max_pixels)
 
 
@@ -127,15 +128,21 @@ def _new_bag(request: Request, is_cdr: bool) -> _Bag:
     return bag
 
 
+def _told(name: str) -> str:
+    """A file's name for something, as a message can hold it: a damaged one may be kilobytes of many lines."""
+    line = " ".join(name.split())
+    return line if len(line) <= _LONGEST_NAME else f"{line[:_LONGEST_NAME]}…"
+
+
 def _without_events(bag: _Bag, contents: Contents) -> RecordingError:
     """What there is instead of the events that are wanted."""
     with_events = [topic for topic, kind in contents.topics.items() if kind in EVENT_ARRAYS + EVENT_PACKETS]
     if bag.is_chosen and with_events:
         return RecordingError(
             f"{bag.request.name}: no events of topic {bag.event_topic}; those with events are "
-            f"{', '.join(sorted(with_events)[:8])}"
+            f"{', '.join(map(_told, sorted(with_events)[:8]))}"
         )
-    there = [f"{topic} ({kind})" for topic, kind in sorted(contents.topics.items())]
+    there = [f"{_told(topic)} ({_told(kind)})" for topic, kind in sorted(contents.topics.items())]
     more = f" and {len(there) - 8} more" if len(there) > 8 else ""
     return RecordingError(
         f"{bag.request.name}: no events; it holds {', '.join(there[:8]) or 'no topics'}{more}; wanted messages of "
@@ -156,9 +163,9 @@ def _open_messages(
     else:
         collected = collect(request, _decoded(first, parts), bag.sensor, remarks)
     label = f"{what}, {bag.encoding or 'dvs_msgs'}"
-    remarks.detected(f"events of topic {bag.event_topic}")
+    remarks.detected(f"events of topic {_told(bag.event_topic)}")
     for topic in sorted(bag.others):
-        remarks.detected(f"another event topic, {topic}, is not shown; --topic {topic} shows it")
+        remarks.detected(f"another event topic, {_told(topic)}, is not shown; --topic {_told(topic)} shows it")
     if not contents.is_indexed:
         remarks.repaired("the bag has no index, for its recording was not closed, and was read from front to back")
     if bag.cut is not None:
