@@ -33,22 +33,13 @@ def test_while_nobody_comes_nothing_waits(package):
     assert not [finder for finder in sys.meta_path if isinstance(finder, gentle_import._Waiting)]
 
 
-def test_an_import_waits_until_a_page_has_asked_for_its_frame(package, monkeypatch):
+@pytest.mark.parametrize("begins", [True, False], ids=["a page has come", "a page may come"])
+def test_an_import_waits_until_a_page_has_asked_for_its_frame(package, monkeypatch, begins):
     monkeypatch.setattr(gentle_import, "PAUSE", 20.0)
     monkeypatch.setattr(gentle_import, "MOST_PAUSES", 20.0)
-    gentle, done = GentleImport(), threading.Event()
-    gentle.page_begins()
-    thread = threading.Thread(target=importing, args=(gentle, done))
-    thread.start()
-    assert not done.wait(0.1)
-    gentle.page_asks()
-    assert done.wait(10)
-    thread.join()
-
-
-def test_after_the_start_a_browser_that_has_waited_comes_first(package, monkeypatch):
-    monkeypatch.setattr(gentle_import, "MOST_PAUSES", 20.0)
-    gentle, done = GentleImport(coming=20.0), threading.Event()
+    gentle, done = GentleImport(coming=0.0 if begins else 20.0), threading.Event()
+    if begins:
+        gentle.page_begins()
     thread = threading.Thread(target=importing, args=(gentle, done))
     thread.start()
     assert not done.wait(0.1)
