@@ -49,7 +49,10 @@ class InspectPanel(Panel):
         """Draw what is open. While time runs and nothing else changes it stays as it is: a drag is not held up."""
         drawn = _asked(page)
         if page.is_moving and drawn == self._drawn:
-            self._lag.show(stale_line(self._drawn_at, page.state.index))
+            # Without a pixel the list alone is drawn, which is of no window.
+            shows_list = page.state.query is None and page.state.of(InspectState).opened == "none"
+            line = "" if shows_list else stale_line(self._drawn_at, page.state.index)
+            self._lag.show(panel("lag-line", line) if line else "")
             return
         self._drawn, self._drawn_at = drawn, page.state.index
         self._lag.show("")

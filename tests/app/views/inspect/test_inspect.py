@@ -373,3 +373,13 @@ def test_in_a_drag_an_open_inspector_stands_still_and_says_so(loaded, moment):
     panel.show_settings(replace(page, state=replace(state, index=7)))
     assert len(panel._body.sent) == 3  # at rest
     assert panel._lag.sent[-1] == ""
+
+
+def test_in_a_drag_a_list_of_inspectors_without_a_pixel_is_of_no_window(moment):
+    page = page_of(ViewState(index=5), moment, None)
+    panel = InspectPanel()
+    panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
+    panel.show_settings(page)
+    panel.show_settings(replace(page, state=replace(page.state, index=6), is_moving=True))
+    assert panel._lag.sent == ["", ""]
+    assert len(panel._body.sent) == 1
