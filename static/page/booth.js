@@ -6,6 +6,7 @@
   const mark = () => document.querySelector("[data-etv-public]");
   let isPublic = false; // once public, always
   let led = null;
+  let channel = null; // the session's that this page shows
   let seenAt = Date.now();
   let cover = null;
   // The next visitor finds neither what the last one's page kept nor the moment that an address of theirs named.
@@ -48,8 +49,10 @@
       window.etnetStartOver = reload;
       seenAt = Date.now();
       const leads = now.dataset.etvPublic !== "none";
-      if (leads && led === false) reload(); // a visitor has gone: nothing of theirs survives
+      const isAnother = channel !== null && channel !== window.etnetChannel; // the connection was cut, and is back
+      if ((leads && led === false) || isAnother) reload(); // a visitor has gone: nothing of theirs survives
       led = leads;
+      channel = window.etnetChannel ?? null;
     }
     if (isPublic && Date.now() - seenAt > LOST) wait();
   }, 250);

@@ -275,7 +275,7 @@
     const words = typed.toLowerCase().split(" ");
     for (const row of rows.querySelectorAll("button")) row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
   };
-  const kept = { node: null, isOpen: false, top: 0, typed: "" };
+  const kept = { node: null, top: 0, typed: "" };
   document.addEventListener("input", (event) => {
     const rows = event.target.closest?.(".etv-list");
     if (!rows) return;
@@ -283,9 +283,7 @@
     sift(rows, kept.typed);
   });
   document.addEventListener("toggle", (event) => {
-    if (event.target !== kept.node) return;
-    kept.isOpen = event.target.open;
-    if (kept.isOpen) event.target.querySelector("input").focus();
+    if (event.target === kept.node && kept.node.open) kept.node.querySelector("input").focus();
   }, true);
   document.addEventListener("scroll", (event) => {
     if (event.target.matches?.(".etv-list")) kept.top = event.target.scrollTop;
@@ -294,8 +292,9 @@
     const node = document.querySelector(".etv-recordings");
     if (!node || node === kept.node) return;
     const hadFocus = document.activeElement === document.body;
+    const wasOpen = kept.node?.open; // asked of the list itself: its toggle event may still be on its way
     kept.node = node;
-    if (!kept.isOpen) {
+    if (!wasOpen) {
       kept.typed = "";
       return;
     }

@@ -19,8 +19,8 @@ def window(page, number):
 
 
 def test_arrows_step_and_never_move_the_camera_of_the_scene(page):
+    page.wait_for_function(f"() => {CAMERA}.some((at) => Math.abs(at + 3) > 1e-6)")  # no longer where viser begins
     before = page.evaluate(CAMERA)
-    assert len(before) == 3
     for key, number in (("ArrowRight", 1), ("ArrowRight", 2), ("ArrowUp", 2), ("ArrowDown", 2), ("ArrowLeft", 1)):
         page.keyboard.press(key)
         window(page, number)
