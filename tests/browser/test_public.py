@@ -5,9 +5,10 @@ import urllib.request
 
 import pytest
 
-from tests.browser.booth import OURS, REACHED, close, open_demo, press, touch
+from tests.browser.booth import OURS, REACHED, close, open_demo, press, serve, touch
 from tests.browser.chromium import PATIENCE
 from tests.browser.faults import FAULTS
+from tests.simulation.films import drifting, write_film
 
 SMALL = """() => [...document.querySelectorAll('.etv-demo button, .etv-demo-bar button, .etv-track')]
   .filter((element) => element.checkVisibility())
@@ -189,6 +190,25 @@ def test_three_seconds_of_the_mirror_are_taken_home_though_the_camera_ends(brows
     assert "your own face" in taken.title()
     until(lambda: demo.catalogue._private == {})  # the mirror is forgotten once its page is there
     close(page)
+
+
+def test_without_a_camera_a_video_is_picked_and_how_far_it_is_is_said(browser, stays, tmp_path):
+    film = write_film(tmp_path / "own.mp4", drifting(90, 2.0, (320, 240)))
+    viewer = serve(uploads=4, roi=None)  # of a video that is seen whole what is simulated by now is shown
+    try:
+        page = open_demo(browser, viewer, 390, 844)
+        press(page, "Your own face")
+        with page.expect_file_chooser() as chooser:
+            press(page, "Your own video")
+        chooser.value.set_files(film)
+        page.get_by_text("The video becomes dots").first.wait_for()
+        page.locator(".etv-image img").wait_for()
+        page.get_by_test_id("film").wait_for(state="detached")
+        shown = "() => document.querySelector('.etv-image img')?.alt"
+        page.wait_for_function(f"(first) => ({shown})() !== first", arg=page.evaluate(shown))
+        close(page)
+    finally:
+        viewer.stop()
 
 
 def test_three_seconds_are_taken_home_as_a_page(browser, demo, stays):
