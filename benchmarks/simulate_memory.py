@@ -1,4 +1,4 @@
-"""Is memory flat? The largest resident size while films of 300 and of 3,000 frames are simulated into a file.
+"""Is memory flat? The largest resident size while films of 300, 3,000 and 6,000 frames are simulated into a file.
 
 `python benchmarks/simulate_memory.py`. Each film is a process of its own: 80×60, 2 pixels a frame, the pixels of a
 DAVIS346; the recording is written as `etnet simulate` writes it.
@@ -16,7 +16,7 @@ from measure import report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-LENGTHS = (300, 3_000)
+LENGTHS = (300, 3_000, 6_000)
 
 
 class BackAndForth:

@@ -13,6 +13,7 @@ import numpy as np
 
 from etnet.events.events import Events, Sensor
 from etnet.events.formats.hdf5.journal import CommittedFile
+from etnet.events.formats.hdf5.writing import bound_metadata
 from etnet.events.triggers import Triggers
 from etnet.live.source import CameraFrame, Setting, as_json
 
@@ -30,6 +31,7 @@ class Hdf5Writer:
         self._held: list[Events] = []
         self._raw = CommittedFile(path)
         self._file = h5py.File(self._raw, "w", libver="earliest")
+        bound_metadata(self._file)
         options = {"maxshape": (None,), "chunks": (CHUNK,), "compression": "lzf", "shuffle": True}
         for name, kind in (("xs", "i2"), ("ys", "i2"), ("ts", "f8"), ("ps", "?")):
             self._file.create_dataset(f"events/{name}", (0,), kind, **options)

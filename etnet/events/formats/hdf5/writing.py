@@ -17,11 +17,27 @@ import h5py
 
 from etnet.events.formats.hdf5.at_exit import close_at_exit
 
+METADATA_BYTES = 1 << 18
+"""Of headers of datasets that HDF5 holds; what it allocates for them is twenty times as much."""
+
+
+def bound_metadata(file: h5py.File) -> None:
+    """Let headers go to the disk early: a dataset a camera frame adds up, with HDF5's own 32 MB to hundreds of MB."""
+    config = file.id.get_mdc_config()
+    config.set_initial_size = True
+    config.initial_size = config.max_size = METADATA_BYTES
+    config.min_size = METADATA_BYTES // 2
+    file.id.set_mdc_config(config)
+
 
 class WrittenFile(h5py.File):
     """A file of which `check` says, after each part, whether the disk took it."""
 
     target: _NeverFails
+
+    def __init__(self, *where: Any, **options: Any) -> None:
+        super().__init__(*where, **options)
+        bound_metadata(self)
 
     def check(self) -> None:
         """Raise the OSError of the first write that failed; what comes after that is held in memory."""
