@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import viser
+from viser._messages import GuiUpdateMessage
 
 from app.views.page import Page
 from etnet.errors import EtnetError
@@ -82,7 +83,21 @@ def on_press(button: viser.GuiButtonHandle, intent: Any, dispatch: Dispatch) -> 
 def assign(handle: Any, value: object) -> None:
     """Let a widget show a value, unless it does, or the visitor's hand was on it a moment ago."""
     if handle.value != value and seconds_since_touched(handle) > 0.4:
-        handle.value = value
+        set_value(handle, value)
+
+
+def set_value(handle: Any, value: object) -> None:
+    """Let a widget show a value. No listener is told: what the server sets is no visitor's use.
+
+    viser's own setter makes a coroutine of every listener, from whichever thread sets; where the server ends just
+    then, nobody awaits it.
+    """
+    inner = handle._impl
+    if inner.value == value:
+        return
+    inner.value = type(inner.value)(value)
+    inner.update_timestamp = time.time()
+    inner.gui_api._websock_interface.queue_message(GuiUpdateMessage(inner.uuid, {"value": inner.value}))
 
 
 def seconds_since_touched(handle: Any) -> float:

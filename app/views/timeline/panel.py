@@ -13,7 +13,7 @@ from app.state import intents as ask
 from app.views.compare.state import CompareState
 from app.views.inspect.state import NO_CHANGE, InspectState
 from app.views.page import Page
-from app.views.panel import Dispatch, Html, Panel, assign, on_visitor
+from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, set_value
 from app.views.reconstruction.state import tones_in
 from app.views.timeline.html import legend_html, marks_html, now_html, speed_html, timeline_html, transport_html
 from etnet.render.encode import data_url
@@ -54,7 +54,7 @@ class TimelinePanel(Panel):
         last = max(len(moment.windows) - 1, 1)
         if self._slider.max != last:
             # viser leaves a value beyond a smaller maximum where it is: bring it inside first.
-            self._slider.value = min(self._slider.value, last)
+            set_value(self._slider, min(self._slider.value, last))
             self._slider.max = last
         assign(self._slider, state.index)
         assign(self._time, round(max(moment.seconds[1], 0.0), 3))
