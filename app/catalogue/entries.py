@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +13,8 @@ from app.catalogue.models import digest
 from app.config import ViewerConfig
 from etnet.bundled import samples
 from etnet.errors import EtnetError, RecordingError
+from etnet.events.assumptions import NOTHING_ASSUMED
+from etnet.events.opened_as import WHOLE_VIEW
 from etnet.events.recording import Recording
 from etnet.events.samples import SAMPLES, RemoteSample, cache_folder, cached
 from etnet.files import in_megabytes, printable
@@ -77,31 +80,42 @@ def _named(text: str, entry: Entry) -> str:
 
 def listed(config: ViewerConfig, offered: Mapping[Path, int]) -> Iterator[Entry]:
     """All that a viewer offers before anybody hands anything over; `offered`: see `Watch`."""
+    mark, named = opening_mark(config, is_named=False), opening_mark(config, is_named=True)
     if config.file is not None:
-        yield _entry(config.file, "file", size_of(config.file))
+        yield _entry(config.file, "file", size_of(config.file), named)
     for path in samples():
-        yield _entry(path, "bundled", "simulated, with the frames of an ideal camera")
+        yield _entry(path, "bundled", "simulated, with the frames of an ideal camera", mark)
     if config.data is not None:
         for path, turn in offered.items():
             folder = path.parent.relative_to(config.data)
             where = "" if folder == Path() else f"{printable(folder)} · "
-            yield _entry(path, "data", f"{where}{size_of(path)}", turn)
+            yield _entry(path, "data", f"{where}{size_of(path)}", named, turn)
     if not config.demo:
         for sample in SAMPLES.values():
-            yield _on_demand(sample)
+            yield _on_demand(sample, mark)
 
 
-def _entry(path: Path, kind: Kind, subtitle: str, turn: int = 0) -> Entry:
+def opening_mark(config: ViewerConfig, is_named: bool) -> str:
+    """Part of every id where the command line says how files are opened: two viewers of one process share what is
+    drawn of a recording, and a link names pixels of what its viewer showed."""
+    view = config.view(config.downsample or 1)
+    stated = config.stated.assumptions() if is_named else NOTHING_ASSUMED
+    if (view, stated, config.downsample) == (WHOLE_VIEW, NOTHING_ASSUMED, None):
+        return ""
+    return f"-{hashlib.sha256(repr((view, stated, config.downsample)).encode()).hexdigest()[:6]}"
+
+
+def _entry(path: Path, kind: Kind, subtitle: str, mark: str, turn: int = 0) -> Entry:
     name = printable(path.stem if kind == "bundled" else path.name or str(path))
     # A bundled recording has the same name everywhere, so that a link to a moment of it works everywhere.
-    entry_id = f"bundled-{name}" if kind == "bundled" else f"{kind}-{digest(path)}"
+    entry_id = f"bundled-{name}{mark}" if kind == "bundled" else f"{kind}-{digest(path)}{mark}"
     if turn:
         entry_id = f"{entry_id}-{turn}"  # another file by the name of a former one
     return Entry(entry_id, name, kind, subtitle, path)
 
 
-def _on_demand(sample: RemoteSample) -> Entry:
+def _on_demand(sample: RemoteSample, mark: str) -> Entry:
     is_here = cached(sample) is not None
     subtitle = "real, fetched before" if is_here else f"real, fetched once: {in_megabytes(sample.num_bytes)}"
     path = cache_folder() / sample.name
-    return Entry(f"sample-{sample.name}", sample.name, "on demand", subtitle, path, sample.terms, sample)
+    return Entry(f"sample-{sample.name}{mark}", sample.name, "on demand", subtitle, path, sample.terms, sample)

@@ -99,6 +99,14 @@ def test_what_is_stated_holds_for_the_files_that_are_named_and_for_no_other(fold
     assert stated.open(f"bundled-{samples()[0].stem}").sensor.width == 240
 
 
+def test_viewers_that_open_a_file_in_another_way_know_it_by_another_id(folder):
+    """What is drawn is shared by all viewers of a process: under one id one would show the other's events."""
+    ways = [{}, {"roi": "1,2,16,12"}, {"roi": "2,2,16,12"}, {"downsample": 2}, {"stated": Stated(sort=True)}]
+    ids = [entry_of(Catalogue(ViewerConfig(data=folder, **way)), "good.txt").id for way in ways]
+    assert len(set(ids)) == len(ways)
+    assert entry_of(Catalogue(ViewerConfig(data=folder)), "good.txt").id == ids[0]
+
+
 def test_two_visitors_share_one_opened_recording(folder):
     catalogue = Catalogue(ViewerConfig(data=folder))
     entry, opened = entry_of(catalogue, "good.txt"), []
