@@ -181,7 +181,7 @@
     const element = layer.appendChild(document.createElement("span"));
     element.textContent = text;
     element.className = isOwn ? "etv-own" : "";
-    Object.assign(element.style, { right: `${innerWidth - box.right + 6}px`, top: `${box.bottom - 28}px` });
+    Object.assign(element.style, { right: `${innerWidth - box.right + 6}px`, top: `${box.top + 6}px` }); // chips lie along the lower edge
   };
   const shares = (image) => image.naturalWidth / image.naturalHeight;
   function read() {
