@@ -195,3 +195,11 @@ def test_what_the_card_does_not_say_is_not_guessed_and_what_it_says_is_judged(mo
     in_use = fitness_html(moment, result, model, offset=7000)
     assert "Use this offset" not in in_use
     assert "in use" in in_use
+
+
+def test_a_sensor_that_is_too_small_for_the_metrics_is_named_as_such(moment):
+    numbers, values = np.arange(3), {"sharpness": np.full(3, 0.2)}
+    made = Series(run(moment, 0), stamps=numbers, frames=numbers, values=values, lags=0 * numbers, share=1.0)
+    html = chart_html(moment, [made], CompareState((Run(),), measure="lpips"))
+    assert "LPIPS needs 31 pixels a side, the sensor has 40×30" in html
+    assert "No window ends near" not in html

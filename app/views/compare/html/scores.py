@@ -115,13 +115,20 @@ def _why_empty(moment: Moment, series: Sequence[Series], measure: Measure, view:
         return empty("Nothing scored yet", "Frames are made and scored while nobody waits for another one.")
     if measure == "temporal" and not view.replays:
         return empty("Only in the protocol’s range", "It needs two camera frames in a row.")
-    return empty("No such value here", _no_camera(moment) or "No window ends near a camera frame.")
+    return empty("No such value here", _lacking(moment) or "No window ends near a camera frame.")
 
 
-def _no_camera(moment: Moment) -> str:
-    if moment.recording.ground_truth:
-        return ""
-    return "This recording has no camera frames: only sharpness, contrast and events can be measured."
+def _lacking(moment: Moment) -> str:
+    """What the recording has not that the metrics need; empty where nothing lacks."""
+    from etnet.evaluation.lpips import MIN_SIDE
+
+    only = "only sharpness, contrast and events can be measured."
+    if not moment.recording.ground_truth:
+        return f"This recording has no camera frames: {only}"
+    sensor = moment.recording.sensor
+    if min(sensor.width, sensor.height) < MIN_SIDE:
+        return f"LPIPS needs {MIN_SIDE} pixels a side, the sensor has {sensor}: {only}"
+    return ""
 
 
 def means_title(series: Sequence[Series]) -> str:
@@ -188,7 +195,7 @@ def _worst(moment: Moment, each: Series, measure: Measure) -> str:
 
 
 def _words(moment: Moment, series: Sequence[Series], view: CompareState) -> str:
-    said = [_no_camera(moment)] if not moment.recording.ground_truth else []
+    said = [lacks] if (lacks := _lacking(moment)) else []
     if not len(common_keys(series)) and sum(len(each.stamps) > 0 for each in series) > 1:
         said.append("The runs have no frame in common, so there is nothing to average over.")
     if view.replays:
