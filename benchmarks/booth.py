@@ -36,8 +36,10 @@ from measure import keep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-LONGEST = 40.0
-"""Seconds of a visit."""
+LONGEST = 90.0
+"""Seconds of a visit: a page to take home is waited for, in which twenty visitors keep the network busy."""
+SWEPT_WITHIN = 60.0
+"""Seconds that a busy server may take after a rest to let go of visitors who have gone."""
 IDLE = 6.0
 """Seconds without a touch after which a page is the next visitor's; the demo's own is a minute."""
 UPLOADS = 16
@@ -133,7 +135,7 @@ async def _take_home(browser, rng, port) -> None:
 
 
 async def _fetch_page(browser, port: int) -> None:
-    await browser.until(lambda: 'href="/home/' in browser.html(), 35)
+    await browser.until(lambda: 'href="/home/' in browser.html(), 80)
     path = re.findall(r'href="(/home/[^"]+)"', browser.html())[-1]
     await asyncio.to_thread(_fetch, port, path)
     await _press(browser, "demo:close")
@@ -339,8 +341,7 @@ def main() -> int:
                 came += given.visitors
                 shown += asyncio.run(round_of_visits(port, given.visitors, rng, done))
                 time.sleep(soak.REST)
-                print("?", file=server.stdin, flush=True)
-                held = _answer(server, Path(log.name))
+                held = _swept(server, Path(log.name))
                 minute = round((time.monotonic() - began) / 60, 2)
                 rows.append({"minute": minute, "visits": came, "shown": shown, **held})
                 print(rows[-1], flush=True)
@@ -358,6 +359,18 @@ def main() -> int:
     is_short = given.minutes < soak.KEPT_FROM  # then not every story has been told
     did_all = is_short or not said["never_done"]
     return 0 if runs and did_all and not files and not said["left_of_visitors"] and said["is_flat"] is not False else 1
+
+
+def _swept(server: subprocess.Popen[str], log: Path) -> dict:
+    """What the server holds once the visitors' sessions have ended, or have had long enough to."""
+    assert server.stdin is not None
+    ends = time.monotonic() + SWEPT_WITHIN
+    while True:
+        print("?", file=server.stdin, flush=True)
+        held = _answer(server, log)
+        if not held["sessions"] or time.monotonic() > ends:
+            return held
+        time.sleep(5)
 
 
 def _answer(server: subprocess.Popen[str], log: Path) -> dict:
