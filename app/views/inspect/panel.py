@@ -299,8 +299,16 @@ def _under_way(found: JobResult | None, what: str) -> str:
     return panel("awaited", under_way(0.0 if found is None else found.share, what))
 
 
+_OF_ONE_WINDOW = (
+    '<div class="et-note" data-testid="of-one-window">Of one window, and they pass: pause (space), or go back.</div>'
+)
+"""Where a source is followed nothing is computed that the next window would undo."""
+
+
 def _awaited(found: JobResult | None, what: str, page: Page) -> str:
     """How far an answer has come, which window it is about, or why there will be none."""
+    if page.follows and (found is None or not found.is_whole):
+        return panel("awaited", _OF_ONE_WINDOW)
     if found is None or found.trouble:
         return _under_way(found, what)
     lag = stale_line(_request(found).index, page.state.index)

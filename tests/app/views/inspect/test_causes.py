@@ -51,6 +51,14 @@ def page_of(loaded, state, ready=None, **results):
     return Page(replace(state, recording_id="r", model_id="m"), moment, ready, results=found)
 
 
+def test_where_windows_pass_an_answer_about_one_is_not_said_to_be_under_way(loaded):
+    page = page_of(loaded, ViewState(index=INDEX, query=QUERY))
+    assert "ablating one part after the other" in inspector_html(page)
+    followed = inspector_html(replace(page, follows=True))
+    assert "pause (space), or go back" in followed
+    assert "ablating one part after the other" not in followed
+
+
 # ---- what is found ----
 
 
