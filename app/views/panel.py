@@ -68,6 +68,7 @@ def on_visitor(handle: Any, act: Callable[[Any], Any], dispatch: Dispatch) -> No
             dispatch(intent)
 
     handle.on_update(heard)
+    handle._impl.update_timestamp = 0.0  # viser counts a new widget as touched
 
 
 def on_press(button: viser.GuiButtonHandle, intent: Any, dispatch: Dispatch) -> None:
@@ -87,7 +88,7 @@ def assign(handle: Any, value: object) -> None:
 
 
 def set_value(handle: Any, value: object) -> None:
-    """Let a widget show a value. No listener is told: what the server sets is no visitor's use.
+    """Let a widget show a value. No listener is told, and it does not count as touched: it is no visitor's use.
 
     viser's own setter makes a coroutine of every listener, from whichever thread sets; where the server ends just
     then, nobody awaits it.
@@ -96,10 +97,16 @@ def set_value(handle: Any, value: object) -> None:
     if inner.value == value:
         return
     inner.value = type(inner.value)(value)
-    inner.update_timestamp = time.time()
     inner.gui_api._websock_interface.queue_message(GuiUpdateMessage(inner.uuid, {"value": inner.value}))
 
 
+def set_options(handle: Any, options: tuple[str, ...], value: str) -> None:
+    """Offer these, `value` where the present one is none of them; viser's setter alone would wake every listener."""
+    if handle.value not in options:
+        set_value(handle, value)
+    handle.options = options
+
+
 def seconds_since_touched(handle: Any) -> float:
-    """Seconds since the widget's value last changed, by whomever."""
+    """Seconds since a visitor last changed the widget's value."""
     return time.time() - float(handle.update_timestamp)

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -104,6 +105,17 @@ def until_window(page, index):
     """Wait until a window is on show and its reconstruction has come."""
     page.get_by_alt_text(f"Reconstruction of window {index}", exact=True).first.wait_for()
     page.get_by_test_id("lag").first.wait_for(state="hidden")
+
+
+def at_rest(page, script, seconds=1.5):
+    """What a script gives once it has been the same for so long: viser moves columns and canvas after a page is up."""
+    held, since, ends = page.evaluate(script), time.monotonic(), time.monotonic() + PATIENCE / 1000
+    while time.monotonic() - since < seconds:
+        assert time.monotonic() < ends, f"never at rest: {script[:60]}"
+        page.wait_for_timeout(100)
+        if (now := page.evaluate(script)) != held:
+            held, since = now, time.monotonic()
+    return held
 
 
 def box_of(page, locator):

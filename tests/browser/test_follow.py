@@ -4,8 +4,9 @@ import pytest
 
 from app.config import ViewerConfig
 from app.main import Viewer
-from tests.browser.chromium import box_of, open_page, open_workspace, until_window
+from tests.browser.chromium import at_rest, box_of, open_page, open_workspace, until_window
 from tests.browser.conftest import ROI
+from tests.browser.test_page import BLOCKS
 
 
 def on_window(page, index):
@@ -25,6 +26,7 @@ def test_a_page_that_follows_shows_the_presenters_moment_and_keeps_its_pixel_and
     leader.get_by_test_id("presenting").get_by_text("Presenting to 1 page").wait_for()
     follower.get_by_test_id("presenting").get_by_text("Following the presenter").wait_for()
     until_window(follower, 0)
+    at_rest(follower, BLOCKS)
     image = box_of(follower, follower.get_by_alt_text("Reconstruction of window 0", exact=True))
     follower.mouse.click(image["x"] + image["width"] / 4, image["y"] + image["height"] / 4)
     follower.get_by_test_id("query").first.wait_for()

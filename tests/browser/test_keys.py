@@ -5,7 +5,7 @@ from playwright.sync_api import expect
 
 from app.config import ViewerConfig
 from app.main import Viewer
-from tests.browser.chromium import open_page, open_workspace
+from tests.browser.chromium import at_rest, box_of, open_page, open_workspace
 from tests.browser.conftest import ROI
 
 CAMERA = "window.__viserMutable.cameraControl.getPosition(window.__viserMutable.cameraControl.getTarget()).toArray()"
@@ -19,8 +19,9 @@ def window(page, number):
 
 
 def test_arrows_step_and_never_move_the_camera_of_the_scene(page):
-    page.wait_for_function(f"() => {CAMERA}.some((at) => Math.abs(at + 3) > 1e-6)")  # no longer where viser begins
-    before = page.evaluate(CAMERA)
+    placed = f"{CAMERA}.some((at) => Math.abs(at + 3) > 1e-6)"  # no longer where viser begins
+    page.wait_for_function(f"() => window.__viserMutable?.cameraControl && {placed}")
+    before = at_rest(page, CAMERA)
     for key, number in (("ArrowRight", 1), ("ArrowRight", 2), ("ArrowUp", 2), ("ArrowDown", 2), ("ArrowLeft", 1)):
         page.keyboard.press(key)
         window(page, number)
@@ -76,7 +77,7 @@ def test_the_pointer_on_the_timeline_tells_time_window_and_a_frame_that_is_kept(
     window(page, 1)
     page.locator("img[alt='Reconstruction of window 1']").first.wait_for()
     axis = page.locator(".et-axis").first
-    box, duration = axis.bounding_box(), float(axis.get_attribute("data-duration"))
+    box, duration = box_of(page, axis), float(axis.get_attribute("data-duration"))
     x = box["x"] + box["width"] * 0.078 / duration  # windows are 40 ms long
     page.mouse.move(x, box["y"] + 8)
     page.mouse.move(x + 1, box["y"] + 9)
@@ -100,7 +101,7 @@ def test_every_fact_of_the_header_can_be_read_at_every_width(page, size):
     listed.get_by_role("button").hover()
     for name in ("Sensor", "Density", "Network", "Windowing", "Recurrent state"):
         expect(listed.get_by_text(name, exact=True)).to_be_visible()
-    box = listed.locator("dl").bounding_box()
+    box = box_of(page, listed.locator("dl"))
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= size[0]
     lies_over = (

@@ -2,7 +2,17 @@
 
 import pytest
 
-from tests.browser.chromium import PAUSE, PLAY, WORKSPACES, box_of, open_page, open_workspace, press, until_window
+from tests.browser.chromium import (
+    PAUSE,
+    PLAY,
+    WORKSPACES,
+    at_rest,
+    box_of,
+    open_page,
+    open_workspace,
+    press,
+    until_window,
+)
 from tests.browser.faults import CHROME, FAULTS, SCENE, SETTLED
 
 LARGE, USUAL, SMALL, PHONE = (1920, 1080), (1600, 900), (1280, 720), (390, 844)
@@ -91,13 +101,14 @@ def test_the_style_sheets_stand_in_the_documents_head(page):
 @pytest.mark.parametrize("size", [USUAL, SMALL, PHONE], ids=str)
 def test_visers_grips_chevrons_and_tabs_are_out_of_reach_of_pointer_and_keyboard(page, size):
     resize(page, size)
+    at_rest(page, BLOCKS)
     assert page.evaluate(REACHABLE, list(CHROME)) == []
 
 
 @pytest.mark.parametrize("size", [USUAL, SMALL], ids=str)
 def test_no_drag_or_double_click_moves_folds_or_closes_a_part_of_the_page(page, size):
     resize(page, size)
-    before = page.evaluate(BLOCKS)
+    before = at_rest(page, BLOCKS)
     bar, column = box_of(page, page.locator(".etv-bar")), box_of(page, page.locator("[data-dock-region=right]"))
     heads = [box_of(page, card(page, name).locator("header h3")) for name in ("reconstruction", "events")]
     places = [(box["x"] + 4, box["y"] + 4) for box in heads]
@@ -123,6 +134,7 @@ def test_tabbing_through_the_page_meets_controls_of_ours_alone(page):
 @pytest.mark.parametrize(("size", "least"), [(LARGE, 640), (USUAL, 520), (SMALL, 400)], ids=str)
 def test_the_reconstruction_is_the_largest_picture(page, size, least):
     resize(page, size)
+    at_rest(page, BLOCKS)
     widths = dict(page.evaluate(PICTURES))
     assert widths["reconstruction"] >= least
     assert widths["reconstruction"] >= max(widths.values()) - 1
@@ -180,7 +192,7 @@ def test_a_phone_shows_reconstruction_timeline_and_play_at_once(phone):
     assert picture["y"] + picture["height"] <= min(axis["y"], play["y"])
     assert max(axis["y"] + axis["height"], play["y"] + play["height"]) <= 844
     assert phone.evaluate(SMALL_TARGETS) == []
-    assert phone.evaluate(FAULTS) == []
+    assert faults_at_rest(phone) == []
 
 
 def test_a_thumb_reaches_every_workspace_of_a_phone_and_nothing_in_it_is_small_or_cut(phone):

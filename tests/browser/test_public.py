@@ -1,12 +1,13 @@
 """A booth that cannot be broken: nothing of viser's own is in reach, and what one visitor left is gone for the next."""
 
+import json
 import time
 import urllib.request
 
 import pytest
 
 from tests.browser.booth import OURS, REACHED, close, open_demo, press, serve, touch
-from tests.browser.chromium import PATIENCE
+from tests.browser.chromium import PATIENCE, at_rest
 from tests.browser.faults import FAULTS
 from tests.simulation.films import drifting, write_film
 
@@ -21,10 +22,8 @@ SMALL = """() => [...document.querySelectorAll('.etv-demo button, .etv-demo-bar 
 @pytest.mark.parametrize("size", [(1600, 900), (1280, 720), (430, 932), (390, 844), (360, 640)])
 def test_nothing_of_visers_own_is_in_reach(browser, demo, stays, size):
     page = open_demo(browser, demo, *size)
-    page.wait_for_timeout(1000)
-    assert page.evaluate(REACHED, OURS) == []
-    assert page.evaluate(SMALL) == []
-    assert page.evaluate(FAULTS) == []
+    for wanted in (f"({REACHED})({json.dumps(OURS)})", f"({SMALL})()", f"({FAULTS})()"):
+        page.wait_for_function(f"() => {wanted}.length === 0")  # viser's docks come to rest
     touch(page)
     page.get_by_test_id("map").wait_for()
     assert page.evaluate(REACHED, OURS) == []
@@ -279,7 +278,8 @@ def test_a_gamepad_moves_the_spot_plays_and_goes_back_to_the_events(browser, dem
 
 def test_a_group_guesses_before_it_sees_the_image(browser, demo, stays):
     page = open_demo(browser, demo, 1280, 720)
-    stood = page.evaluate("() => window.__viserMutable.cameraControl.azimuthAngle")
+    page.wait_for_function("() => window.__viserMutable?.cameraControl")
+    stood = at_rest(page, "() => window.__viserMutable.cameraControl.azimuthAngle")
     turned = "(stood) => Math.abs(window.__viserMutable.cameraControl.azimuthAngle - stood)"
     press(page, "Guess first")
     page.locator(".etv-veiled").first.wait_for()

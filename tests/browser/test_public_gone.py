@@ -7,6 +7,7 @@ import pytest
 from etnet.events.write import write_recording
 from tests.app.stand_ins import held_files, recording
 from tests.browser.booth import OURS, REACHED, close, open_demo, press, serve, touch
+from tests.browser.chromium import at_rest
 
 DESKTOP, PHONE = (1280, 720), (390, 844)
 SIZES = [DESKTOP, PHONE]
@@ -104,8 +105,8 @@ def visited(page):
     """The page of a visitor who has touched it, and how it stood before."""
     page.get_by_test_id("invitation").wait_for()
     page.locator(".etv-demo[data-act=events]").wait_for()
-    page.wait_for_timeout(1500)  # viser's docks reach their width
-    before = page.evaluate(STANDING)
+    page.wait_for_function("() => window.__viserMutable?.cameraControl")
+    before = at_rest(page, STANDING)
     touch(page)
     page.get_by_test_id("yours").wait_for()
     page.evaluate("() => { window.left = 'by a visitor'; }")

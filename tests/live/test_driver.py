@@ -106,6 +106,7 @@ def test_how_long_packets_lie_in_the_driver_is_told_and_counts_as_being_behind()
 
     live = _live(steps()).start()
     wait_for(lambda: live.extent().num_events == 10)
+    wait_for(lambda: live.behind(int(events.t[-1])) is not None)  # told last of all
     assert live.waiting == Waiting(4.0, 17)
     behind = live.behind(int(events.t[-1]))
     assert behind is not None

@@ -33,7 +33,7 @@ from app.views.export.state import (
 )
 from app.views.inspect.state import InspectState
 from app.views.page import Page
-from app.views.panel import Dispatch, Html, Panel, on_press, on_visitor
+from app.views.panel import Dispatch, Html, Panel, on_press, on_visitor, set_options
 from app.views.reconstruction.state import ReconstructionState
 
 FORMATS: dict[str, ExportFormat] = {
@@ -142,7 +142,7 @@ class ExportPanel(Panel):
         offered = tuple(name for name, panels in known.items() if has_camera or "camera" not in panels)
         for handle, options in ((self._panels, offered), (self._picture, (*offered, *SHEETS))):
             if tuple(handle.options) != options:
-                handle.options = options
+                set_options(handle, options, options[0])
 
     @staticmethod
     def _offers(name: ArrayName, format: ExportFormat, page: Page) -> bool:

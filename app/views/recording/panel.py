@@ -17,7 +17,7 @@ from app.html.uploads import handing_html
 from app.state import intents as ask
 from app.views.compare.state import CompareState
 from app.views.page import Choice, Page
-from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched
+from app.views.panel import Dispatch, Html, Panel, assign, on_visitor, seconds_since_touched, set_options
 from app.views.recording.assumptions_panel import Statement
 from app.views.recording.html.cut import excerpt_html
 from app.views.recording.html.examination import closed_html, doctor_html
@@ -116,7 +116,7 @@ def _offer(
     if titles and titles != ids:
         ids.clear()
         ids.update(titles)
-        dropdown.options = tuple(titles)
+        set_options(dropdown, tuple(titles), next((t for t, i in titles.items() if i == chosen), next(iter(titles))))
     for title, choice_id in ids.items():
         if choice_id == chosen:
             assign(dropdown, title)

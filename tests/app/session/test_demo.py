@@ -181,7 +181,7 @@ def test_the_page_carries_the_link_of_the_moment_on_show():
 
 
 def test_in_public_the_page_leads_until_it_is_touched_and_again_when_it_is_left(monkeypatch):
-    monkeypatch.setattr(demo, "IDLE", 1.0)
+    monkeypatch.setattr(demo, "IDLE", 1e9)
 
     async def story(viewer, browser):
         await browser.until_shown('data-act="events"')
@@ -191,6 +191,7 @@ def test_in_public_the_page_leads_until_it_is_touched_and_again_when_it_is_left(
         assert INVITED not in browser.html()
         await browser.use(browser.widget("channel"), "pick|open:b|0|0|2")
         await browser.until(lambda: newest(viewer).recording_id == "b")
+        monkeypatch.setattr(demo, "IDLE", 1.0)
         await browser.until_shown(INVITED)
         await browser.until(lambda: newest(viewer).recording_id == "a")
 

@@ -185,10 +185,10 @@ def test_a_recording_that_was_just_made_appears_without_a_reload_and_one_that_is
         growing[0] = ()
         names.append("c")
         await browser.until(lambda: "take c" in choice["options"])
-        assert "once it rests" not in browser.html()
+        await browser.until(lambda: "once it rests" not in browser.html())
         names.remove("a")
         await browser.until(lambda: "take a" not in choice["options"])
-        assert choice["value"] == GONE
-        assert "Reconstruction of window 0" in browser.html()
+        await browser.until(lambda: choice["value"] == GONE)
+        await browser.until_shown("Reconstruction of window 0")
 
     visit(story, 72)

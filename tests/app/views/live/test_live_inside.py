@@ -42,7 +42,7 @@ async def go_back(browser, viewer, index):
     await browser.until(lambda: not viewer.page.follows and viewer.page.state.index == index)
     await press(browser, "pixel", 0.25, 0.5)
     await browser.until(lambda: viewer.page.ready is not None and viewer.page.ready.attention is not None)
-    await browser.until(lambda: viewer.page.ready.request.index == index)
+    await browser.until(lambda: viewer.page.ready is not None and viewer.page.ready.request.index == index)
     return session
 
 
@@ -80,12 +80,13 @@ def test_a_pin_stays_when_its_moment_has_left_the_buffer_and_one_that_comes_too_
             pinned = viewer.page.results["attention.pin"].job.pinned
             await press(browser, "live:follow")
             await browser.until(lambda: viewer.feed.recording().is_gone(viewer.feed.windows.kept[index]))
-            await browser.until(lambda: viewer.page.follows and viewer.page.ready.request.index > index + 3)
+            shown = lambda: -1 if viewer.page.ready is None else viewer.page.ready.request.index  # noqa: E731
+            await browser.until(lambda: viewer.page.follows and shown() > index + 3)
             await browser.until(lambda: re.search(r"now and A share \d?\d % of their weight", browser.words()))
             assert f"window {index}" in browser.words()
             return pinned
 
-    with live_viewer(replayed(num_events=200_000), Keep(seconds=1.5)) as viewer:
+    with live_viewer(replayed(num_events=200_000), Keep(seconds=8.0)) as viewer:
         pinned = asyncio.run(visit(viewer))
         other = PinnedMap(pinned.request, SITE, None, "max", pinned.direction, pinned.query)
         notes = Notes()
@@ -182,7 +183,7 @@ def test_a_link_leads_to_its_moment_while_it_is_held_and_says_so_when_it_is_not(
             assert viewer.page.moment is None
             assert viewer.page.state.index == index
 
-    with live_viewer(replayed(num_events=200_000), Keep(seconds=4.0)) as viewer:
+    with live_viewer(replayed(num_events=200_000), Keep(seconds=12.0)) as viewer:
         asyncio.run(visit(viewer))
 
 
