@@ -139,6 +139,8 @@ def film_demo(browser, folder: Path) -> None:
                 page.locator(f".etv-demo[data-act={act}]").wait_for()
                 keep(record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000)), folder, f"{act}_{width}")
             for name, prepare in OPENED.items():
+                if name == "guess" and width < 500:
+                    continue  # a group's game: a phone has no button for it
                 prepare(page)
                 film = record(page, lambda page=page: page.wait_for_timeout(SECONDS * 1000))
                 keep(film, folder, f"{name}_{width}")
