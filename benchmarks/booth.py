@@ -130,6 +130,7 @@ async def _guess(browser, rng, port) -> None:
 
 
 async def _take_home(browser, rng, port) -> None:
+    await browser.until(lambda: bool(_images(browser)), 30)
     await _press(browser, "demo:home")
     await _fetch_page(browser, port)
 

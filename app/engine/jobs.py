@@ -85,7 +85,7 @@ class JobQueue:
         self._changed = changed
         self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
         self._kept: ByteCache[Job, JobResult] = ByteCache(KEPT_BYTES, overhead=0)
-        self._num_granted = 0
+        self._num_granted, self._num_ordered = 0, 0
         self._must_yield: Callable[[], bool] = lambda: False
 
     def put(self, visitor: str, slot: str, job: Job, tell: Tell) -> None:
@@ -138,6 +138,8 @@ class JobQueue:
             if key is None or entry is None:
                 return
             self._entries.move_to_end(key)
+            if is_ordered(entry.job):
+                key, entry = self._order_next(key, entry)
         self._num_granted = 0
         self._must_yield = lambda: is_wanted_elsewhere() and not (is_owed and time.monotonic() < ends)
         try:
@@ -149,6 +151,15 @@ class JobQueue:
         finally:
             if not self._holds(key, entry):
                 _end(entry)
+
+    def _order_next(self, key: tuple[str, str], entry: _Entry) -> tuple[tuple[str, str], _Entry]:
+        """Of all files that were ordered every second stretch goes to the one nearest to its end: in turns alone all of
+        them would be there when the last one is."""
+        self._num_ordered += 1
+        if self._num_ordered % 2:
+            return key, entry
+        ordered = ((key, entry) for key, entry in self._entries.items() if is_ordered(entry.job))
+        return max(ordered, key=lambda item: item[1].newest[1])
 
     def _advance(self, key: tuple[str, str], entry: _Entry) -> None:
         if entry.answers is None:

@@ -106,6 +106,22 @@ def test_a_file_that_was_ordered_gets_its_turns_though_somebody_always_waits(eng
     inspector.whole()
 
 
+def test_of_files_that_were_ordered_at_once_the_first_is_there_long_before_the_last(engine, shelf):
+    """In turns alone all four would be whole at turn 37 and after; nobody waits much longer than in turns."""
+    gate, length = hold(shelf.model_instance), 10
+    told = {name: Notes() for name in ("a", "b", "c", "d")}
+    for name, notes in told.items():
+        engine.job(name, "file", Ordered(request(0), length, name), notes)
+    shelf.model_instance.entered.acquire(timeout=60)
+    gate.release(1000)
+    for notes in told.values():
+        notes.whole()
+    ends = sorted(LOG.index((name, length)) + 1 for name in told)
+    assert ends[0] <= 2 * length
+    assert sum(ends) < 4 * 30
+    assert ends[-1] == 4 * length
+
+
 def test_of_what_was_forgotten_meanwhile_no_answer_is_kept(engine, shelf):
     notes = Notes()
     gate = hold(shelf.model_instance)
