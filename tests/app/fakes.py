@@ -56,7 +56,7 @@ class CountingModel(nn.Module):
             self.encodes += 1
             if self.gate is not None:
                 self.entered.release()
-                assert self.gate.acquire(timeout=60)
+                assert self.gate.acquire(timeout=10)
         seen = voxel.sum(1, keepdim=True) + (0 if state is None else state.tensors[0])
         return self.pyramid(voxel, State((seen,))), State((seen,))
 
@@ -116,12 +116,12 @@ class Inbox:
             self.replies.append(reply)
             self._changed.notify_all()
 
-    def wait(self, condition, timeout=60):
+    def wait(self, condition, timeout=10):
         with self._changed:
             assert self._changed.wait_for(lambda: any(condition(r) for r in self.replies), timeout), self.replies
             return next(r for r in self.replies if condition(r))
 
-    def ready(self, index, timeout=60):
+    def ready(self, index, timeout=10):
         return self.wait(lambda r: isinstance(r, Ready) and r.request.index == index and not r.is_approximate, timeout)
 
     def failed(self):

@@ -27,7 +27,7 @@ def tried():
 def found(tried, monkeypatch):
     def find(**settings):
         monkeypatch.setattr(demo_check, "MIRROR_SECONDS", 0.5)
-        monkeypatch.setattr(demo_check, "FEWEST_MIRRORED", settings.pop("fewest", 0.0))
+        monkeypatch.setattr(demo_check, "FEWEST_MIRRORED", settings.pop("fewest", 0.5))
         config = ViewerConfig(demo=True, uploads=4, **QUICK, **settings)
         return {finding.name: finding for finding in check_demo(tried, config)}
 

@@ -62,7 +62,7 @@ def dragging(viewer, port, ask):
             return began
 
     began = asyncio.run(story())
-    viewer.wait(timeout=30)
+    viewer.wait(timeout=10)
     return time.monotonic() - began
 
 
@@ -75,7 +75,7 @@ def test_signals_end_it_within_five_seconds_while_somebody_drags(started, tmp_pa
             process.send_signal(each)
             time.sleep(0.05)
 
-    assert dragging(viewer, port, ask) < 10  # it gives itself 4.5 s; a slow machine needs more to begin and to go
+    assert dragging(viewer, port, ask) < 5
     _, errors = viewer.communicate()
     assert viewer.returncode == 0
     assert "Traceback" not in errors
@@ -152,6 +152,6 @@ def test_a_folder_of_odd_names_and_damaged_weights_opens_and_says_what_is_left_o
 
     asyncio.run(story())
     viewer.send_signal(signal.SIGTERM)
-    _, errors = viewer.communicate(timeout=30)
+    _, errors = viewer.communicate(timeout=10)
     assert "left out of the list of networks: null.safetensors" in errors
     assert "Traceback" not in errors

@@ -57,7 +57,7 @@ def choose(page, files):
 
 
 def until(page, condition):
-    for _ in range(1200):
+    for _ in range(100):
         if condition():
             return
         page.wait_for_timeout(100)

@@ -144,7 +144,7 @@ def test_a_click_on_the_plane_in_the_scene_asks_too(page):
     canvas = box_of(page, page.locator("[data-card=scene].etv-staged .etv-scene-slot"))
     page.wait_for_function(SCENE)
     middle = [marked(x, y) for x in (29, 30, 31) for y in (21, 22, 23)]
-    for _ in range(600):  # the camera is on its way
+    for _ in range(50):  # the camera is on its way
         page.mouse.click(canvas["x"] + canvas["width"] / 2, canvas["y"] + canvas["height"] / 2)
         if page.get_by_test_id("query").first.get_attribute("style") in middle:
             break

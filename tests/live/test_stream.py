@@ -35,7 +35,7 @@ def _tcp(layout: LayoutName = "es", stated: Sensor | None = SMALL) -> Listener:
 
 
 def _sender(stream: Listener) -> socket.socket:
-    return socket.create_connection((HERE, stream.port), timeout=60)
+    return socket.create_connection((HERE, stream.port), timeout=5)
 
 
 def _send(stream: Listener, content: bytes) -> None:

@@ -49,8 +49,9 @@ class InspectPanel(Panel):
         """Draw what is open. While time runs and nothing else changes it stays as it is: a drag is not held up."""
         drawn = _asked(page)
         if page.is_moving and drawn == self._drawn:
-            # Without a pixel the list alone is drawn, which is of no window.
-            shows_list = page.state.query is None and page.state.of(InspectState).opened == "none"
+            # Without a pixel, or an answer about it, the list alone is drawn, which is of no window.
+            has_answer = page.state.query is not None and not page.follows
+            shows_list = not has_answer and page.state.of(InspectState).opened == "none"
             line = "" if shows_list else stale_line(self._drawn_at, page.state.index)
             self._lag.show(panel("lag-line", line) if line else "")
             return

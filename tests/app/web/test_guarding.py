@@ -30,7 +30,7 @@ def viewer():
 
 def asked(port, request, host=None):
     """What a raw request is answered, up to the end of the connection."""
-    with socket.create_connection(("127.0.0.1", port), timeout=60) as link:
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as link:
         link.sendall(request.replace(b"HOST", f"127.0.0.1:{port}".encode()))
         found = b""
         with contextlib.suppress(ConnectionResetError):
@@ -49,7 +49,7 @@ async def end_of(port, *frames_, origin=None):
         with contextlib.suppress(ConnectionClosed):
             for frame in frames_:
                 await page.send(frame)
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(5):
                 while True:
                     await page.recv()
         return page.close_code
@@ -75,7 +75,7 @@ def test_a_page_that_does_not_say_where_it_looks_is_cut(viewer, monkeypatch):
     monkeypatch.setattr(guarding, "SILENCE", 0.3)
     began = time.monotonic()
     assert asyncio.run(end_of(viewer.port)) == 1008
-    assert time.monotonic() - began < 30
+    assert time.monotonic() - began < 4
 
 
 @pytest.mark.parametrize("theirs", [f"{PROTOCOL}-other", "viser-v0.0.1", None])
@@ -232,10 +232,9 @@ def test_a_flood_of_one_page_does_not_hold_up_another(viewer):
             sending = asyncio.create_task(send())
             beside = await moved(other, 4, 9, 14, 19, 24)
             sending.cancel()
-            # Behind all 20,000 they would wait for two minutes. The first one waits for the burst that a page may send
-            # at once, and for this very process to send it.
-            assert sorted(beside)[2] < 10
-            assert sorted(beside)[3] < 5 + 20 * sorted(alone)[2]
+            assert sorted(beside)[2] < 1.5
+            # The first one waits for the burst that a page may send at once, and for this very process to send it.
+            assert sorted(beside)[3] < 0.3 + 5 * sorted(alone)[2]
 
     asyncio.run(story())
 

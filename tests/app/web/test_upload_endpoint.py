@@ -41,7 +41,7 @@ class Sender:
         return await self.hear()
 
     async def hear(self):
-        return json.loads(await asyncio.wait_for(self.socket.recv(), 60))
+        return json.loads(await asyncio.wait_for(self.socket.recv(), 10))
 
     async def until_over(self):
         """What was said before the connection ended."""
@@ -67,7 +67,7 @@ def story(viewer, tell, tab=41):
 
 
 async def settled(condition):
-    ends = time.monotonic() + 60
+    ends = time.monotonic() + 10
     while not condition():
         assert time.monotonic() < ends
         await asyncio.sleep(0.01)

@@ -375,8 +375,9 @@ def test_in_a_drag_an_open_inspector_stands_still_and_says_so(loaded, moment):
     assert panel._lag.sent[-1] == ""
 
 
-def test_in_a_drag_a_list_of_inspectors_without_a_pixel_is_of_no_window(moment):
-    page = page_of(ViewState(index=5), moment, None)
+@pytest.mark.parametrize(("query", "follows"), [(None, False), (QUERY, True)])
+def test_in_a_drag_a_list_of_inspectors_without_an_answer_is_of_no_window(moment, query, follows):
+    page = replace(page_of(ViewState(index=5, query=query), moment, None), follows=follows)
     panel = InspectPanel()
     panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
     panel.show_settings(page)
