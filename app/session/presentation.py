@@ -103,9 +103,13 @@ class Presentation:
     def leads(self, seat: Seat) -> bool:
         """Whether the others show what this page shows."""
         with self._lock:
-            if self._leader is None and self._seats and time.monotonic() > self._kept_until:
+            is_free = self._leader is None and bool(self._seats) and time.monotonic() > self._kept_until
+            if is_free:
                 self._leader = next((each for each in self._seats if each.is_host), self._seats[0])
-            return self._leader is seat
+            leader = self._leader
+        if is_free:
+            self._tell()  # the page that leads now may have nothing else to draw
+        return leader is seat
 
     def show(self, seat: Seat, state: ViewState) -> None:
         """The page that leads has moved."""

@@ -57,6 +57,20 @@ def test_a_page_at_the_viewers_own_machine_leads_and_the_lead_outlives_a_reload(
     assert room.leads(guest)
 
 
+def test_every_page_is_told_when_the_lead_of_a_page_that_left_goes_to_another(room, monkeypatch):
+    clock, told = [0.0], []
+    monkeypatch.setattr(presentation.time, "monotonic", lambda: clock[0])
+    leader, follower = room.join(False, opens), room.join(False, opens, told.append)
+    leader.leave()
+    told.clear()
+    assert not room.leads(follower)
+    assert told == []
+    clock[0] = RELOADS_WITHIN + 1
+    assert room.leads(follower)
+    assert room.leads(follower)
+    assert len(told) == 1
+
+
 def test_a_visitors_page_goes_where_the_presenter_goes():
     async def story(port):
         async with Browser.open(port, tab=1) as leader, Browser.open(port, tab=2) as follower:
