@@ -282,9 +282,6 @@
     kept.typed = event.target.value;
     sift(rows, kept.typed);
   });
-  document.addEventListener("toggle", (event) => {
-    if (event.target === kept.node && kept.node.open) kept.node.querySelector("input").focus();
-  }, true);
   document.addEventListener("scroll", (event) => {
     if (event.target.matches?.(".etv-list")) kept.top = event.target.scrollTop;
   }, { capture: true, passive: true });
@@ -292,7 +289,7 @@
     const node = document.querySelector(".etv-recordings");
     if (!node || node === kept.node) return;
     const hadFocus = document.activeElement === document.body;
-    const wasOpen = kept.node?.open; // asked of the list itself: its toggle event may still be on its way
+    const wasOpen = kept.node?.open;
     kept.node = node;
     if (!wasOpen) {
       kept.typed = "";
@@ -308,7 +305,11 @@
   }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();
-    if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) open.open = false;
+    if (!open && event.target.closest?.(".etv-recordings summary")) {
+      event.preventDefault(); // opened here and not by the browser after this: what is typed next goes into the search
+      kept.node.open = true;
+      kept.node.querySelector("input").focus();
+    } else if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) open.open = false;
     else if (open) open.querySelector("input").focus();
   });
   // Escape closes what lies over the page: the list, else help and the other windows of viser; so does a click beside them.

@@ -61,6 +61,17 @@ def test_the_list_of_recordings_is_searched_and_closes_by_escape_and_by_a_click_
     expect(recordings).not_to_have_attribute("open", "")
 
 
+def test_what_is_typed_right_after_the_list_was_opened_goes_into_its_search(page):
+    opens = "() => { document.querySelector('.etv-recordings summary').click(); return document.activeElement.type; }"
+    assert page.evaluate(opens) == "search"
+    page.keyboard.press("Escape")
+    page.locator(".etv-recordings summary").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.type("roll")
+    expect(page.locator(".etv-recordings .etv-list button:not([hidden])")).to_have_count(1)
+    page.keyboard.press("Escape")
+
+
 def test_help_closes_by_escape_and_by_a_click_beside_it(page):
     page.keyboard.type("?")
     page.get_by_test_id("help").wait_for()
