@@ -112,12 +112,15 @@ class InOrder:
 
 
 def _do(work: Work, name: str, ended: Event) -> None:
-    """In a function of its own, so that a thread that waits refers to nothing of what it did."""
+    """In a function of its own, so that a thread that waits refers to nothing of what it did.
+
+    A thread that ends with an error keeps its name, which says whose error it was.
+    """
     current_thread().name = name
     try:
         work()
-    finally:
         current_thread().name = IDLE
+    finally:
         ended.set()
 
 

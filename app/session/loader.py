@@ -14,6 +14,7 @@ from app.catalogue.recordings import suited_policy
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.denoised import CleanedRecordings
+from app.engine.failures import in_words
 from app.html.moment import Moment
 from app.html.timeline_marks import curve_of
 from app.state import intents as ask
@@ -124,6 +125,8 @@ class Opener:
                 self._tell(opened)
         except EtnetError as error:
             self._tell(Unopened(plan, str(error), isinstance(error, WaitingForEvents)))
+        except Exception as error:  # whatever it was, a page that waits is told
+            self._tell(Unopened(plan, in_words(error, self)))
 
     def _progress(self, plan: Plan) -> Callable[[float], None]:
         """Tells every whole per cent once."""

@@ -13,6 +13,7 @@ from app.catalogue.cut import is_live, windows_of
 from app.catalogue.threads import THREADS
 from app.catalogue.visitor import VisitorCatalogue
 from app.engine.denoised import CleanedRecordings
+from app.engine.failures import in_words
 from app.engine.playbacks import WARM_UP
 from app.engine.queue import Deliver
 from app.engine.replayed import FIRST, replayed_windows
@@ -213,6 +214,8 @@ class VisitorRuns:
             planned = _planned_windows(plan, self._cleaned.of(recording, plan.cleaning), former)
         except EtnetError as error:
             planned = RunPlanned(plan, plan.policy, trouble=str(error))
+        except Exception as error:  # whatever it was, a page that waits is told
+            planned = RunPlanned(plan, plan.policy, trouble=in_words(error, self))
         self._post(replace(planned, recording=recording))
 
 

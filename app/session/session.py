@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -155,7 +156,8 @@ class Session:
                 if self._held.said_gone(self._state):
                     self._is_dirty = True  # it left a live recording while it was drawn: that is drawn next
                     continue
-                self._showing.refuse("This could not be shown", in_words(error, self))
+                with suppress(UserWarning):  # viser's, of a page that has gone; its session ends in a moment
+                    self._showing.refuse("This could not be shown", in_words(error, self))
                 self._is_dirty = False
 
     def _patience(self) -> float:

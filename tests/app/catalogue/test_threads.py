@@ -60,7 +60,7 @@ def test_what_the_work_held_is_let_go_when_it_has_ended():
 
 def test_work_that_fails_says_so_where_threads_do_and_the_next_is_done(monkeypatch):
     told = []
-    monkeypatch.setattr(threading, "excepthook", lambda args: told.append(str(args.exc_value)))
+    monkeypatch.setattr(threading, "excepthook", lambda args: told.append((args.thread.name, str(args.exc_value))))
     pool, done = ThreadPool(), threading.Event()
 
     def broken():
@@ -69,7 +69,7 @@ def test_work_that_fails_says_so_where_threads_do_and_the_next_is_done(monkeypat
     assert pool.start(broken, "broken").wait(10)
     assert pool.start(done.set, "next").wait(10)
     assert done.is_set()
-    assert told == ["no space left on device"]
+    assert told == [("broken", "no space left on device")]
 
 
 def handed_out():

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -162,6 +163,45 @@ def test_what_cannot_be_opened_is_told_and_the_page_goes_on(viewer):
         await browser.until_shown("window 0 of 0 – 19")
 
     visit(viewer, story, tab=44)
+
+
+def test_an_open_that_fails_as_nobody_expected_is_told_and_the_page_does_not_wait_for_it(viewer, monkeypatch):
+    def broken(recording_id, progress=None):
+        raise ZeroDivisionError("nobody expected this")
+
+    async def story(browser):
+        monkeypatch.setattr(viewer.shelf, "open", broken)
+        await press(browser, "open:b")
+        await browser.until(lambda: browser.notices != [])
+        assert "nobody expected this" in browser.notices[0]["body"]
+        monkeypatch.undo()
+        await press(browser, "open:b")
+        await browser.until_shown("window 0 of 0 – 19")
+
+    visit(viewer, story, tab=46)
+
+
+def test_a_page_that_has_gone_cannot_be_told_and_its_visit_ends_as_others_do(viewer, monkeypatch):
+    async def story(browser):
+        await browser.until_shown("Reconstruction of window 0")
+        session, tried = newest_session(viewer), []
+
+        def gone(title, body):
+            tried.append(title)
+            raise UserWarning("Queued a NotificationShowMessage on a closed connection")
+
+        def broken(*args):
+            raise ValueError("is closed")
+
+        monkeypatch.setattr(session._showing, "refuse", gone)
+        monkeypatch.setattr(session, "_composer", SimpleNamespace(page=broken))
+        await browser.use(browser.widget("Window"), 4)
+        await browser.until(lambda: tried != [])
+        monkeypatch.undo()
+        await browser.use(browser.widget("Window"), 5)
+        await browser.until_shown("Reconstruction of window 5")
+
+    visit(viewer, story, tab=47)
 
 
 def test_a_failed_request_is_an_alert_in_the_picture(viewer):
