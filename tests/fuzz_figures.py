@@ -1,6 +1,8 @@
 """How much was fuzzed so far, kept by story: what was tried, and what came that should not."""
 
+import fcntl
 import json
+import tempfile
 from pathlib import Path
 
 from etnet.files import write_atomically
@@ -15,9 +17,11 @@ def figures(path: Path = KEPT) -> dict[str, dict[str, int]]:
 
 
 def add(story: str, tried: int, faults: int, path: Path = KEPT) -> None:
-    """So much more was tried."""
-    kept = figures(path)
-    told = kept.setdefault(story, {"tried": 0, "faults": 0})
-    told["tried"] += tried
-    told["faults"] += faults
-    write_atomically(path, (json.dumps(kept, indent=1, sort_keys=True) + "\n").encode())
+    """So much more was tried. Several processes may add at once."""
+    with Path(tempfile.gettempdir(), f"etnet-{path.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        kept = figures(path)
+        told = kept.setdefault(story, {"tried": 0, "faults": 0})
+        told["tried"] += tried
+        told["faults"] += faults
+        write_atomically(path, (json.dumps(kept, indent=1, sort_keys=True) + "\n").encode())
