@@ -296,15 +296,18 @@ def growth(rows: list[dict]) -> dict[str, object]:
     return {"what": f"after {WARM:.0f} minutes", "countings": len(late), "visits": visits, **grew, **counts}
 
 
-def slope(rows: list[dict], name: str) -> str:
-    """The least-squares line through the points, per hour, ± its standard error."""
+def slope(rows: list[dict], name: str, *at_equal: str) -> str:
+    """The least-squares rise per hour, ± its standard error; of what is named `at_equal`, all rows held equal."""
     import numpy as np
 
-    hours = np.array([row["minute"] for row in rows]) / 60
+    hours = [row["minute"] / 60 for row in rows]
+    others = [[row[other] for row in rows] for other in at_equal if len({row[other] for row in rows}) > 1]
+    given = np.stack([hours, np.ones(len(rows)), *map(np.array, others)], axis=1).astype(float)
     values = np.array([row[name] for row in rows])
-    (rise, start), away = np.polyfit(hours, values, 1), hours - hours.mean()
-    error = np.sqrt(((values - rise * hours - start) ** 2).sum() / (len(rows) - 2) / (away**2).sum())
-    return f"{rise:.1f} ± {error:.1f}"
+    fitted = np.linalg.lstsq(given, values, rcond=None)[0]
+    spread = ((values - given @ fitted) ** 2).sum() / max(len(rows) - given.shape[1], 1)
+    error = np.sqrt(spread * np.linalg.inv(given.T @ given)[0, 0])
+    return f"{fitted[0]:.1f} ± {error:.1f}"
 
 
 if __name__ == "__main__":
