@@ -75,11 +75,21 @@ def serve() -> None:
     print(viewer.port, flush=True)
     for _ in sys.stdin:
         held = soak._held(viewer)
-        homes = 0.0 if viewer.homes is None else viewer.homes.nbytes / 1e6
+        homes = pages_of_their_own(viewer) / 1e6
         # Pages that were taken home live half an hour, within a cap of their own: a cache.
         held |= {"caches_mb": held["caches_mb"] + homes, "beyond_caches_mb": held["beyond_caches_mb"] - homes}
         print(json.dumps({**held, "homes_mb": homes, **left(viewer), "faults": faults[0]}), flush=True)
     viewer.stop()
+
+
+def pages_of_their_own(viewer) -> int:
+    """Bytes of pages that were taken home and are in no other cache: those of jobs hold the same ones."""
+    if viewer.homes is None:
+        return 0
+    held = {id(page): len(page) for _, page in tuple(viewer.homes._held.values())}
+    for result, _ in tuple(viewer.engine._jobs._kept._values.values()):
+        held.pop(id(getattr(result.value, "content", None)), None)
+    return sum(held.values())
 
 
 def left(viewer) -> dict[str, int]:

@@ -13,6 +13,9 @@ LIVES = 1800.0
 LARGEST = 96 << 20
 """Bytes of all pages together; the oldest go."""
 
+MOST_LINKS = 500
+"""Addresses that work at once."""
+
 
 class Homes:
     """In memory alone; nothing lists what is here. Safe from every thread."""
@@ -44,11 +47,15 @@ class Homes:
         """Bytes that are held."""
         with self._lock:
             self._sweep()
-            return sum(len(page) for _, page in self._held.values())
+            return self._weight()
 
     def _sweep(self) -> None:
         now = time.monotonic()
         for path in [path for path, (ends, _) in self._held.items() if ends <= now]:
             del self._held[path]
-        while self._held and sum(len(page) for _, page in self._held.values()) > self._largest:
+        while self._held and (self._weight() > self._largest or len(self._held) > MOST_LINKS):
             self._held.popitem(last=False)
+
+    def _weight(self) -> int:
+        """A page that several visitors took home lies here once, under an address for each."""
+        return sum({id(page): len(page) for _, page in self._held.values()}.values())

@@ -1,6 +1,6 @@
 """Pages to take home: found by whoever was given the address, gone in time, and never too many."""
 
-from app.catalogue.homes import PATH, Homes
+from app.catalogue.homes import MOST_LINKS, PATH, Homes
 
 
 def test_a_page_is_found_by_its_own_address_alone():
@@ -30,3 +30,17 @@ def test_space_is_capped_and_the_oldest_go():
     paths = [homes.put(bytes(40)) for _ in range(4)]
     assert homes.nbytes <= 100
     assert [homes.get(path) is not None for path in paths] == [False, False, True, True]
+
+
+def test_a_page_that_many_take_home_is_counted_once_and_each_has_an_address_of_their_own():
+    homes, page = Homes(largest=100), bytes(60)
+    paths = [homes.put(page) for _ in range(5)]
+    assert homes.nbytes == 60
+    assert len(set(paths)) == 5
+    assert all(homes.get(path) is page for path in paths)
+
+
+def test_addresses_are_bounded_and_the_oldest_go():
+    homes, page = Homes(), b"page"
+    paths = [homes.put(page) for _ in range(MOST_LINKS + 3)]
+    assert [path for path in paths if homes.get(path) is None] == paths[:3]
