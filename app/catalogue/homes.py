@@ -12,7 +12,6 @@ LIVES = 1800.0
 """Seconds for which a link works."""
 LARGEST = 96 << 20
 """Bytes of all pages together; the oldest go."""
-
 MOST_LINKS = 500
 """Addresses that work at once."""
 

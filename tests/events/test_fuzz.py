@@ -9,6 +9,7 @@ import zipfile
 
 import cv2
 import h5py
+import hdf5plugin
 import numpy as np
 import pytest
 import scipy.io
@@ -32,7 +33,17 @@ SLOW_ROUNDS = 400
 WRITTEN = ("event_utils.h5", "dsec.hdf5", "aedat4.aedat4", "evt3.raw", "csv.csv", "npz.npz")
 MADE = (
     *("mvsec.hdf5", "v5.mat", "text.txt", "text.txt.gz", "table.npy", "davis.aedat"),
-    *("columns.h5", "records.h5", "frames.h5", "records.npz", "xypt.npz", "pandas.csv", "metavision.csv"),
+    *(
+        "columns.h5",
+        "bitshuffle.h5",
+        "bzip2.h5",
+        "records.h5",
+        "frames.h5",
+        "records.npz",
+        "xypt.npz",
+        "pandas.csv",
+        "metavision.csv",
+    ),
     *("pictures.db3", "killed.active", "triggers.raw", "packets.mcap"),
     *("pieces.zip", "wraps.npz", "unnamed.npz", "sides.npz", "network.h5", "wraps_ns.csv"),
 )
@@ -144,8 +155,10 @@ def save_found(path, events):
             if path.name == "records.h5":
                 file["a/events"] = records
             else:
+                packed = {"bitshuffle": hdf5plugin.Bitshuffle(), "bzip2": hdf5plugin.BZip2()}
+                how = packed.get(path.stem, {"compression": "gzip"})
                 for axis, column in columns.items():
-                    file.create_dataset(f"dvs/left/{axis}", data=column, chunks=(500,), compression="gzip")
+                    file.create_dataset(f"dvs/left/{axis}", data=column, chunks=(500,), **how)
                 file["dvs/left/calib/resolution"] = [20, 12]
             if path.name == "frames.h5":
                 file["frame"], file["frame_ts"] = np.full((3, 12, 20), 900, "u2"), [0, 20_000, 40_000]

@@ -10,6 +10,7 @@ import hdf5plugin  # noqa: F401  (registers Blosc, zstd and LZ4 with the HDF5 li
 from etnet.errors import RecordingError
 from etnet.events.formats.base import Remarks, Request, contained
 from etnet.events.formats.bounds import MAX_BLOCK, at_most
+from etnet.events.formats.hdf5.chunks import checked
 from etnet.events.formats.hdf5.journal import restore
 
 
@@ -66,7 +67,7 @@ def dataset(group: h5py.Group, path: str, name: str, *, ndim: int | None = 1) ->
             )
     if ndim is not None and node.ndim != ndim:
         raise RecordingError(f"{name}: {path} has {node.ndim} dimensions; wanted {ndim}")
-    return node
+    return checked(node, path, name)
 
 
 def say_unread(group: h5py.Group, path: str, what: str, name: str, remarks: Remarks) -> None:
