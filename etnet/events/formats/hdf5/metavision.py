@@ -14,6 +14,7 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Opened, Remarks, Request
 from etnet.events.formats.decode import Decoded
+from etnet.events.formats.hdf5.chunks import checked
 from etnet.events.formats.hdf5.file import dataset, find
 from etnet.events.formats.paged import paged
 from etnet.events.formats.prophesee.ecf import Chunk, DamagedChunk, decode_chunk
@@ -100,10 +101,10 @@ def _triggers(file: h5py.File, name: str, remarks: Remarks) -> Triggers | None:
         return None
     gathered = TriggerTable()
     try:
-        records = node[:MOST_TRIGGERS]
+        records = checked(node, "EXT_TRIGGER/events", name)[:MOST_TRIGGERS]
         gathered.add(records["t"].astype(np.int64), records["id"], np.where(records["p"] > 0, 1, -1))
         gathered.num_triggers = node.shape[0]
-    except (OSError, ValueError, KeyError, IndexError, TypeError):
+    except (OSError, ValueError, KeyError, IndexError, TypeError, RecordingError):
         remarks.detected(f"{node.shape[0]} triggers, which cannot be read")
         return None
     return gathered.triggers(remarks)
