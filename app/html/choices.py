@@ -13,6 +13,9 @@ PRECISIONS: dict[Precision, str] = {"auto": "auto", "fp32": "fp32", "bf16": "bf1
 DEFAULTS: dict[str, float] = {"events per pixel": 0.35, "milliseconds": 20.0, "number of events": 15_000}
 STEPS: dict[str, float] = {"events per pixel": 0.05, "milliseconds": 5.0, "number of events": 1000}
 
+PLAYED: dict[str, float] = {"1×": 1.0, "½": 0.5, "¼": 0.25, "1/10": 0.1}
+"""Speeds of playing on the page, recording seconds per second."""
+
 SPEEDS: dict[str, float] = {
     "real time": 1.0,
     "1/2 of real time": 0.5,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.html.choices import SPEEDS
+from app.html.choices import PLAYED
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
 from etnet.windows import Policy
@@ -26,7 +26,7 @@ class Player:
         if not isinstance(intent, ask.TogglePlay) or self._is_chosen or state.is_playing or step_ms is None:
             return ()
         self._is_chosen = True
-        return () if state.waits_for_frames else (ask.ChooseSpeed(lasting_speed(limits, step_ms)),)
+        return () if state.waits_for_frames else (lasting_speed(limits, step_ms),)
 
     def due(self, state: ViewState, limits: Limits, now: float, shown: int | None) -> int | None:
         """The window that should be current at `now` (seconds of any steady clock); `None` to stay.
@@ -50,11 +50,15 @@ class Player:
         return index if index != state.index else None
 
 
-def lasting_speed(limits: Limits, step_ms: float) -> float:
-    """The fastest of the offered speeds at which a step takes no longer than its window lasts; the slowest if none."""
-    windows = limits.windows
+def lasting_speed(limits: Limits, step_ms: float) -> ask.ChooseSpeed:
+    """The fastest of the offered speeds at which a step takes no longer than its window lasts.
+
+    Where none lasts, every window is shown and its image waited for.
+    """
+    windows, steps = limits.windows, ask.ChooseSpeed(min(PLAYED.values()), waits_for_frames=True)
     if not windows:
-        return min(SPEEDS.values())
+        return steps
     span = windows[len(windows) - 1].t_stop - windows[0].t_start
     window_ms = span / len(windows) / 1000
-    return max((speed for speed in SPEEDS.values() if step_ms * speed <= window_ms), default=min(SPEEDS.values()))
+    lasting = [speed for speed in PLAYED.values() if step_ms * speed <= window_ms]
+    return ask.ChooseSpeed(max(lasting)) if lasting else steps

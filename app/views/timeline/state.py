@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from app.html.choices import PLAYED
 from app.state import intents as ask
 
 SPEEDS: dict[str, ask.ChooseSpeed] = {
-    "1×": ask.ChooseSpeed(1.0),
-    "½": ask.ChooseSpeed(0.5),
-    "¼": ask.ChooseSpeed(0.25),
-    "1/10": ask.ChooseSpeed(0.1),
-    "step": ask.ChooseSpeed(0.1, waits_for_frames=True),
+    **{name: ask.ChooseSpeed(speed) for name, speed in PLAYED.items()},
+    "step": ask.ChooseSpeed(min(PLAYED.values()), waits_for_frames=True),
 }
 """Shares of real time; "step" shows every window and waits for its frame."""
 _WORDS: dict[str, Any] = {

@@ -8,6 +8,7 @@ import pytest
 from app.session.player import Player
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
+from app.views.timeline.state import speed_of
 from etnet.events.events import Sensor
 from etnet.windows import Window
 from tests.app.reducing import reduce
@@ -74,12 +75,14 @@ def test_nothing_is_due_while_nothing_plays_or_nothing_is_open():
     assert Player().due(ViewState(is_playing=True), Limits(), 1.0, 0) is None
 
 
-@pytest.mark.parametrize(("step_ms", "speed"), [(1.0, 1.0), (45.0, 1.0), (90.0, 0.5), (1e6, 0.02), (None, 0.1)])
-def test_playing_begins_at_the_fastest_speed_that_lasts(step_ms, speed):
+@pytest.mark.parametrize(
+    ("step_ms", "speed"), [(1.0, "1×"), (45.0, "1×"), (90.0, "½"), (450.0, "1/10"), (1e6, "step"), (None, "1/10")]
+)
+def test_playing_begins_at_the_fastest_speed_that_lasts_of_those_on_the_page(step_ms, speed):
     state, player = ViewState(), Player()
     for intent in player.before(ask.TogglePlay(), state, UNEVEN, step_ms):
         state = reduce(state, intent, UNEVEN)
-    assert state.speed == speed
+    assert speed_of(state.speed, state.waits_for_frames) == speed
 
 
 def test_a_speed_that_was_chosen_stays():
