@@ -19,7 +19,7 @@ from app.engine.failures import in_words
 from app.engine.playbacks import LoadedPlayback, PlaybackCache
 from app.engine.requests import FrameRequest
 from etnet.byte_cache import ByteCache
-from etnet.errors import Cancelled, ModelError
+from etnet.errors import Cancelled, ModelError, RecordingError
 
 KEPT_BYTES = 64 << 20
 """Whole answers that are kept for who asks again; the oldest go."""
@@ -75,6 +75,7 @@ class _Entry:
     tell: Tell
     answers: Iterator[tuple[object, float]] | None = None
     newest: tuple[object, float] = (None, 0.0)
+    has_begun_anew: bool = False
 
 
 class JobQueue:
@@ -146,6 +147,9 @@ class JobQueue:
             self._advance(key, entry)
         except Cancelled:
             entry.answers = None
+        except RecordingError as error:
+            if not self._begins_anew(entry):
+                self._settle(key, entry, JobResult(entry.job, trouble=in_words(error, entry.job)))
         except Exception as error:
             self._settle(key, entry, JobResult(entry.job, trouble=in_words(error, entry.job)))
         finally:
@@ -179,6 +183,15 @@ class JobQueue:
         if self._playbacks.held(entry.job.request) is not None:  # of what is forgotten no answer is kept
             self._kept.keep(result.job, result, num_bytes(value))
         self._settle(key, entry, result)
+
+    def _begins_anew(self, entry: _Entry) -> bool:
+        """Whether events on the way have left a live recording's buffer: the job begins again, once, and cold."""
+        request = entry.job.request
+        loaded = self._playbacks.held(request)
+        if entry.has_begun_anew or loaded is None or loaded.reaches(request.index):
+            return False
+        entry.answers, entry.has_begun_anew = None, True
+        return True
 
     def _holds(self, key: tuple[str, str], entry: _Entry) -> bool:
         with self._changed:

@@ -1,6 +1,7 @@
 """The engine beside a live source: it keeps up, and says what a frame is that came from a cold start."""
 
 import time
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -69,6 +70,33 @@ def test_events_that_leave_the_buffer_while_they_are_replayed_make_a_cold_frame_
         ready = inbox.ready(last)
         assert not ready.is_exact
         assert ready.began_at > 0
+
+
+@dataclass(frozen=True)
+class Looking:
+    """Looks at a window, the first time when events on the way have left the buffer."""
+
+    request: FrameRequest
+    begun: list[int] = field(default_factory=list, compare=False)
+
+    def run(self, loaded, cancelled):
+        if not self.begun:
+            wait_for(lambda: not loaded.reaches(self.request.index), 30)
+        self.begun.append(loaded.playback.first)
+        step = loaded.playback.at(self.request.index)
+        yield step.frame.shape, 1.0
+
+
+def test_a_question_whose_events_leave_the_buffer_begins_cold_and_is_answered():
+    with live_viewer(replayed(num_events=200_000), Keep(seconds=1.0)) as viewer:
+        wait_for(lambda: len(viewer.feed.recording().cut) > viewer.feed.recording().first_held > 0, 30)
+        late = next(entry.id for entry in viewer.catalogue.models() if entry.id != "etnet-half")
+        job, told = Looking(_request(viewer, len(viewer.feed.recording().cut) - 1, late)), []
+        viewer.engine.job("somebody", "looking", job, lambda slot, result: told.append(result))
+        wait_for(lambda: told and (told[-1].is_whole or told[-1].trouble), 30)
+        assert told[-1].trouble == ""
+        first, again = job.begun
+        assert again > first
 
 
 def test_a_long_question_about_the_past_does_not_hold_up_the_source():
