@@ -158,6 +158,7 @@ def _cached_bytes(engine) -> int:
         frames |= {frame.data_ptr(): frame.nbytes for frame in playback._frames.values()}
     states = sum(playback._states.nbytes for playback in loadeds)
     held = PICTURES.nbytes + ARRAYS.nbytes + engine._playbacks._scores.nbytes + engine._jobs._kept.nbytes
+    held += engine._thumbnails.nbytes
     return held + states + sum(frames.values()) + engine._playbacks._attention.nbytes
 
 
