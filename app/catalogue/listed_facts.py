@@ -27,6 +27,11 @@ class ListedFacts:
         with self._lock:
             self._words.setdefault(entry_id, words_of(recording))
 
+    def forget(self, entry_id: str) -> None:
+        """It is not in the list any more, and nothing of it stays."""
+        with self._lock:
+            self._words.pop(entry_id, None)
+
     def of(self, entry_id: str) -> str:
         """In one line; empty for what nobody has opened."""
         with self._lock:

@@ -139,6 +139,7 @@ class Catalogue:
                 del self._open[gone]  # closed when its last user releases it
             for gone in self._opening.keys() - known:
                 del self._opening[gone]
+                self.facts.forget(gone)
 
     def _look_beside(self) -> None:
         began = time.monotonic()
@@ -227,6 +228,7 @@ class Catalogue:
         with self._lock:
             self._private.pop(recording_id, None)
             self._opening.pop(recording_id, None)
+            self.facts.forget(recording_id)
             return tuple(self._open.pop(key) for key in [key for key in self._open if listed_id(key) == recording_id])
 
     def is_film(self, entry: Entry) -> bool:

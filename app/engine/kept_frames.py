@@ -9,6 +9,7 @@ nothing is found, and the engine computes. What it finds out itself, once torch 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import platform
 from collections.abc import Callable, Iterable
@@ -37,6 +38,8 @@ from etnet.nets.kept_choices import choices_file, processor_name
 from etnet.playback.disk_cache import DiskCache, RunCache
 from etnet.playback.run_key import code_key, grows, run_key
 from etnet.windows import from_window, plan_windows
+
+_log = logging.getLogger(__name__)
 
 MOST_NOTES = 100
 MOST_RUNS = 32
@@ -173,8 +176,12 @@ class KeptFrames:
 
 def show_kept(kept: KeptFrames, book: RequestQueue, turn: PendingRequest) -> None:
     """Show what an earlier run kept, before the network is there. It stays asked for: the engine's own answer comes."""
-    kept.name(turn.request)
-    found = kept.find(turn.request)
+    try:
+        kept.name(turn.request)
+        found = kept.find(turn.request)
+    except Exception:
+        _log.warning("the frames on disk could not be looked up", exc_info=True)
+        return
     if found is not None and book.is_wanted(turn):
         turn.is_shown = True
         hand_over(turn, found)

@@ -167,6 +167,15 @@ def test_a_file_by_the_name_of_a_former_one_is_another_recording(folder):
     assert not {former} & (catalogue._open.keys() | catalogue._opening.keys())
 
 
+def test_of_a_recording_that_was_let_go_no_word_stays(folder):
+    catalogue = Catalogue(ViewerConfig(data=folder))
+    catalogue.take_in(Entry("upload-1", "my walk.txt", "upload", "", folder / "inside" / "good.txt"))
+    catalogue.open("upload-1")
+    assert catalogue.facts.of("upload-1") != ""
+    catalogue.let_go("upload-1")
+    assert catalogue.facts.of("upload-1") == ""
+
+
 def test_a_file_that_is_gone_is_not_offered_and_what_stays_keeps_its_id(folder):
     catalogue = Catalogue(ViewerConfig(data=folder))
     kept = entry_of(catalogue, "good.txt").id
