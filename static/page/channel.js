@@ -271,6 +271,10 @@
   // The list of recordings: what is typed leaves out what does not match; a choice, Escape or a click elsewhere closes it.
   // The bar that holds it is drawn again and again: an open list stays open, where it was scrolled to, with what was typed.
   const list = () => document.querySelector(".etv-recordings[open]");
+  const shut = (open) => {
+    open.open = false;
+    if (open.contains(document.activeElement)) document.activeElement.blur(); // the page has the keys again, at once
+  };
   const sift = (rows, typed) => {
     const words = typed.toLowerCase().split(" ");
     for (const row of rows.querySelectorAll("button")) row.hidden = !words.every((word) => row.innerText.toLowerCase().includes(word));
@@ -309,7 +313,7 @@
       event.preventDefault(); // opened here and not by the browser after this: what is typed next goes into the search
       kept.node.open = true;
       kept.node.querySelector("input").focus();
-    } else if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) open.open = false;
+    } else if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) shut(open);
     else if (open) open.querySelector("input").focus();
   });
   // Escape closes what lies over the page: the list, else help and the other windows of viser; so does a click beside them.
@@ -319,7 +323,7 @@
   };
   document.addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
-    if (list()) list().open = false;
+    if (list()) shut(list());
     else closeWindow();
   });
   document.addEventListener("mousedown", (event) => {
