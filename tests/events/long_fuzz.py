@@ -33,7 +33,9 @@ SHARE = 0.5
 """Seconds of a batch: every format gets as long as the others, not as many files. At least `FEWEST` files are read."""
 FEWEST = 3
 LONGEST = 60
-"""Seconds that one damaged file may take; more is a finding."""
+"""Seconds of the process's own time that one damaged file may take; more is a finding."""
+WAITS = 600
+"""Seconds after which a file that is waited for is a finding, too: the fuzzer runs beside other work."""
 
 
 def read_batch(seed: Path, entropy: int, folder: Path, num_files: int) -> dict[str, object]:
@@ -47,12 +49,14 @@ def read_batch(seed: Path, entropy: int, folder: Path, num_files: int) -> dict[s
         path.write_bytes(damaged(content, rng))
         (folder / "number").write_text(str(number))
         began = time.perf_counter()
-        signal.alarm(LONGEST)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST)
+        signal.alarm(WAITS)
         try:
             came = try_to_read(path)
             counts[came] = counts.get(came, 0) + 1
         except BaseException:
             findings.append({"file": number, "what": traceback.format_exc(limit=-4)})
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
         slowest = max(slowest, time.perf_counter() - began)
         path.unlink()
