@@ -9,8 +9,8 @@ server has swept up, and what is left is counted: memory beyond the caches' own 
 and everything that was a visitor's: files in the uploads' folder, private recordings, mirrors, jobs. In the end one
 more visitor comes and must see images.
 
-An open recording is a cache as well: up to six are kept open, and each has four megabytes of HDF5's chunks. How
-many are open goes up and down with what visitors hand over, so memory is read at an equal number of open files.
+An open recording is a cache as well: up to six are kept open, and each has four megabytes of HDF5's chunks and more.
+How many are open goes up and down with what visitors hand over, so memory is read at an equal number of open files.
 
 Exit code 1 where something of a visitor is left, the show does not run, memory beyond the caches rises by more than
 `MOST_GROWTH` an hour (told once there are enough countings after the warm-up), or, in a run that is kept, something
@@ -49,8 +49,8 @@ UPLOADS = 16
 """MB that a visitor may hand over."""
 MOST_GROWTH = 5.0
 """MB an hour beyond the caches."""
-FEWEST_COUNTINGS = 4
-"""A line at an equal number of open files has three coefficients."""
+FEWEST_COUNTINGS = 10
+"""A line at an equal number of open files has a height for each number."""
 LEFT = ("upload_files", "upload_desks", "private_recordings", "mirrors", "films", "jobs", "sessions", "visitors_now")
 """Countings that must be 0 when everybody has gone."""
 NUM_EVENTS = 20_000

@@ -297,13 +297,16 @@ def growth(rows: list[dict]) -> dict[str, object]:
     return {"what": f"after {WARM:.0f} minutes", "countings": len(late), "visits": visits, **grew, **counts}
 
 
-def slope(rows: list[dict], name: str, *at_equal: str) -> str:
-    """The least-squares rise per hour, ± its standard error; of what is named `at_equal`, all rows held equal."""
+def slope(rows: list[dict], name: str, at_equal: str | None = None) -> str:
+    """The least-squares rise per hour, ± its standard error.
+
+    `at_equal`: rows are compared with those alone in which this count is the same; each count has a height of its own.
+    """
     import numpy as np
 
-    hours = [row["minute"] / 60 for row in rows]
-    others = [[row[other] for row in rows] for other in at_equal if len({row[other] for row in rows}) > 1]
-    given = np.stack([hours, np.ones(len(rows)), *map(np.array, others)], axis=1).astype(float)
+    hours = np.array([row["minute"] / 60 for row in rows])
+    counts = np.array([0 if at_equal is None else row[at_equal] for row in rows])
+    given = np.stack([hours, *(counts == count for count in np.unique(counts))], axis=1).astype(float)
     values = np.array([row[name] for row in rows])
     fitted = np.linalg.lstsq(given, values, rcond=None)[0]
     spread = ((values - given @ fitted) ** 2).sum() / max(len(rows) - given.shape[1], 1)
