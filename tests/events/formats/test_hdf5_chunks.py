@@ -111,6 +111,14 @@ def read_all(path):
         recording.read(0, recording.num_events)
 
 
+@pytest.mark.parametrize("codec", [codec for codec in CODECS if "blosc" not in codec])  # which cannot pack it
+def test_text_of_any_length_is_read(codec, tmp_path):
+    words = ["seconds", "", "µs"] * 400
+    with h5py.File(tmp_path / "text.h5", "w") as file:
+        stored = file.create_dataset("unit", data=words, dtype=h5py.string_dtype(), chunks=(700,), **CODECS[codec])
+        assert [word.decode() for word in checked(stored, "unit", "text.h5")[:]] == words
+
+
 def test_chunks_that_were_never_written_are_filled_in(tmp_path):
     with h5py.File(tmp_path / "gaps.h5", "w") as file:
         stored = file.create_dataset("x", (2000,), "u2", chunks=(700,), fillvalue=9, **CODECS["blosc zstd"])

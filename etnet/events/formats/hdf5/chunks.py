@@ -23,6 +23,8 @@ BZIP2, BLOSC, BITSHUFFLE = 307, 32001, 32008
 _SHUFFLE, _FLETCHER32 = 2, 3
 _CHECKSUM = 4
 """Bytes that fletcher32 adds."""
+_REFERENCE = 16
+"""Bytes of an element that lies elsewhere, such as text of any length."""
 
 Check = Callable[[bytes, int], bool]
 """Whether a stored chunk is what its unpacker expects; with the bytes that it unpacks to."""
@@ -57,7 +59,8 @@ class _Checked(h5py.Dataset):
         self._check, self._place, self._num_extra, self._where = check, place, num_extra, where
         self._known: set[tuple[int, ...]] = set()
         self._sides_of_chunk: tuple[int, ...] = stored.chunks or ()
-        self._unpacked = math.prod(self._sides_of_chunk) * stored.dtype.itemsize
+        size_of_element = _REFERENCE if stored.dtype.kind == "O" else stored.dtype.itemsize
+        self._unpacked = math.prod(self._sides_of_chunk) * size_of_element
 
     def __getitem__(self, args: Any, new_dtype: Any = None) -> Any:
         for offset in self._offsets(args):
