@@ -76,7 +76,7 @@ WIDE = replace(
         HALF.data,
         density=(0.05, 5.0),
         gamma_share=0.25,
-        scene=replace(HALF.data.scene, blur_px=(0.0, 0.9), exposure=(0.08, 0.7), max_speed_px=30.0, pause_start=0.02),
+        scene=replace(HALF.data.scene, blur_px=(0.0, 0.3), exposure=(0.08, 0.7), max_speed_px=30.0, pause_start=0.02),
         sensor=replace(
             HALF.data.sensor,
             threshold_core=(0.1, 1.0),
