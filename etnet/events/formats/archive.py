@@ -124,10 +124,11 @@ class ZipStore:
         members = self._archive.infolist()
         if len(members) > MAX_MEMBERS:
             raise RecordingError(f"{path.name}: {len(members)} members; at most {MAX_MEMBERS} are read")
-        files = (member for member in members if not member.is_dir())
-        # Some programs on Windows write the folders of a name with backslashes.
-        named = ((member.filename.replace("\\", "/"), member) for member in files)
-        self._members = {name: member for name, member in named if not is_litter(name) and not name.endswith("/")}
+        # Some programs on Windows write the folders of a name with backslashes. A damaged archive may name nothing.
+        named = ((member.filename.replace("\\", "/"), member) for member in members)
+        self._members = {
+            name: member for name, member in named if name and not is_litter(name) and not name.endswith("/")
+        }
         for member in self._members.values():
             if is_bomb(member.compress_size, member.file_size):
                 raise RecordingError(

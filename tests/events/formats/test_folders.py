@@ -275,6 +275,20 @@ def test_a_zip_of_one_recording_opens_whatever_it_is(inner, tmp_path):
         assert_same_events(all_events(recording), EVENTS)
 
 
+def test_a_member_without_a_name_is_none(tmp_path):
+    save_pieces(tmp_path / "seq", count=1, form="events.npz")
+    with zipfile.ZipFile(tmp_path / "damaged.zip", "w") as archive:
+        archive.write(tmp_path / "seq" / "events.npz", "events.npz")
+        archive.writestr("N", b"nothing")
+    content = (tmp_path / "damaged.zip").read_bytes()
+    place = content.rindex(b"PK\x01\x02")  # of the second member's entry
+    assert content[place + 46 : place + 47] == b"N"
+    unnamed = content[: place + 28] + b"\x00\x00\x01\x00" + content[place + 32 :]  # the letter is an extra field
+    (tmp_path / "damaged.zip").write_bytes(unnamed)
+    with open_recording(tmp_path / "damaged.zip", assume=SIZE) as recording:
+        assert_same_events(all_events(recording), EVENTS)
+
+
 def test_a_zip_written_with_backslashes_keeps_its_pictures(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("rec\\events.txt", "".join(f"{t / 1e6:.6f} {x} {y} {p:d}\n" for t, x, y, p in ROWS))
