@@ -147,11 +147,9 @@ class JobQueue:
             self._advance(key, entry)
         except Cancelled:
             entry.answers = None
-        except RecordingError as error:
-            if not self._begins_anew(entry):
-                self._settle(key, entry, JobResult(entry.job, trouble=in_words(error, entry.job)))
         except Exception as error:
-            self._settle(key, entry, JobResult(entry.job, trouble=in_words(error, entry.job)))
+            if not isinstance(error, RecordingError) or not self._begins_anew(entry):
+                self._settle(key, entry, JobResult(entry.job, trouble=in_words(error, entry.job)))
         finally:
             if not self._holds(key, entry):
                 _end(entry)

@@ -123,10 +123,8 @@ class Opener:
                 # Of a large file it takes seconds: here, where nobody waits for it but who waits for the file.
                 curve_of(Moment(opened.recording_id, policy, 0, recording, windows, plan.cleaning))
                 self._tell(opened)
-        except EtnetError as error:
-            self._tell(Unopened(plan, str(error), isinstance(error, WaitingForEvents)))
         except Exception as error:  # whatever it was, a page that waits is told
-            self._tell(Unopened(plan, in_words(error, self)))
+            self._tell(Unopened(plan, in_words(error, self), isinstance(error, WaitingForEvents)))
 
     def _progress(self, plan: Plan) -> Callable[[float], None]:
         """Tells every whole per cent once."""

@@ -212,8 +212,6 @@ class VisitorRuns:
         """`former`: the same plan when the recording was shorter."""
         try:
             planned = _planned_windows(plan, self._cleaned.of(recording, plan.cleaning), former)
-        except EtnetError as error:
-            planned = RunPlanned(plan, plan.policy, trouble=str(error))
         except Exception as error:  # whatever it was, a page that waits is told
             planned = RunPlanned(plan, plan.policy, trouble=in_words(error, self))
         self._post(replace(planned, recording=recording))
