@@ -305,16 +305,16 @@
     field.value = kept.typed;
     if (kept.typed) sift(rows, kept.typed);
     rows.scrollTop = kept.top;
-    if (hadFocus) field.focus();
+    if (hadFocus) field.focus({ preventScroll: true });
   }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();
     if (!open && event.target.closest?.(".etv-recordings summary")) {
       event.preventDefault(); // opened here and not by the browser after this: what is typed next goes into the search
       kept.node.open = true;
-      kept.node.querySelector("input").focus();
+      kept.node.querySelector("input").focus({ preventScroll: true });
     } else if (open && (!open.contains(event.target) || event.target.closest("[data-k]"))) shut(open);
-    else if (open) open.querySelector("input").focus();
+    else if (open) open.querySelector("input").focus({ preventScroll: true });
   });
   // Escape closes what lies over the page: the list, else help and the other windows of viser; so does a click beside them.
   const closeWindow = () => {

@@ -76,6 +76,17 @@ def test_what_is_typed_right_after_the_list_was_opened_goes_into_its_search(page
     assert page.evaluate(shuts)  # the next key is the page's
 
 
+def test_on_a_phone_the_list_lies_within_the_page_and_the_page_stays_where_it_is(page):
+    page.set_viewport_size({"width": 390, "height": 844})
+    where = at_rest(page, "document.querySelector('.etv-bar').getBoundingClientRect().x")
+    page.locator(".etv-recordings summary").click()
+    box = box_of(page, page.locator(".etv-recordings .etv-list"))
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 390
+    assert page.evaluate("document.querySelector('.etv-bar').getBoundingClientRect().x") == where
+    page.keyboard.press("Escape")
+
+
 def test_help_closes_by_escape_and_by_a_click_beside_it(page):
     page.keyboard.type("?")
     page.get_by_test_id("help").wait_for()
