@@ -9,7 +9,7 @@ OUT ?= pictures
 .PHONY: view test test-slow test-tools lint pictures evaluate benchmark clean
 
 view: $(VENV)/.view
-	@$(BIN)/etnet-view $(FILE)
+	@$(BIN)/etnet-view $(if $(FILE),"$(FILE:~/%=$$HOME/%)")
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; run: make PYTHON=python3.12"; exit 1; }
@@ -43,7 +43,7 @@ pictures: test-tools
 evaluate: $(VENV)/.view
 	@folder=$$($(BIN)/etnet sample slider_depth) && $(BIN)/etnet evaluate etnet-half "$$folder" static/samples/*.h5
 
-benchmark: $(VENV)/.view
+benchmark: test-tools
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 clean:

@@ -1,7 +1,8 @@
 """How many files of the viewer a visitor's act passes: a slider drag, a click on a pixel, an upload.
 
 Calls are traced on a real viewer with the default weights, from the act until its answer is on the page. A file counts
-if any of its functions ran on the way: somebody who looks for a line has so many places to look.
+if any of its functions ran on the way: somebody who looks for a line has so many places to look. What is done beside
+an act, whether there is one or not, is no part of it: the catalogue looked at every half second, other frames prepared.
 
 Run: python benchmarks/paths.py [--list]
 """
@@ -25,6 +26,8 @@ from etnet.bundled import samples
 from tests.app.stand_ins import Browser
 
 AIM = {"drag": 25, "click": 30, "upload": 35}
+BESIDE = {("session/session.py", "_tidy"), ("engine/prefetch.py", "work"), ("engine/prefetch.py", "has_work")}
+"""Functions that, with all that they call, are no part of an act."""
 _HOUSE = str(Path(__file__).resolve().parents[1] / "app") + "/"
 
 
@@ -34,14 +37,19 @@ class Tracer:
     def __init__(self) -> None:
         self.files: set[str] = set()
         self.is_on = False
+        self._beside = threading.local()
         threading.setprofile(self._note)
         sys.setprofile(self._note)
 
     def _note(self, frame, event, _argument) -> None:
-        if self.is_on and event == "call":
-            name = frame.f_code.co_filename
-            if name.startswith(_HOUSE):
-                self.files.add(name.removeprefix(_HOUSE))
+        if event not in ("call", "return") or not frame.f_code.co_filename.startswith(_HOUSE):
+            return
+        name = frame.f_code.co_filename.removeprefix(_HOUSE)
+        depth = getattr(self._beside, "depth", 0)
+        if (name, frame.f_code.co_name) in BESIDE:
+            self._beside.depth = depth + (1 if event == "call" else -1)
+        elif self.is_on and event == "call" and depth == 0:
+            self.files.add(name)
 
     def begin(self) -> None:
         self.files = set()
