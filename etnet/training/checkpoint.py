@@ -92,6 +92,21 @@ def check_same_run(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> N
         )
 
 
+def check_continues(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> None:
+    """Raise if weights and moments of the checkpoint cannot be gone on from under this config, however it is meant."""
+    then = checkpoint.config
+    kind = then.get("optimiser", {}).get("kind", config.optimiser.kind)
+    network = config.as_plain()["network"]
+    assert isinstance(network, dict)
+    other = [f"network.{name}" for name, value in then.get("network", {}).items() if network.get(name, value) != value]
+    other += ["optimiser.kind"] * (kind != config.optimiser.kind)
+    if other:
+        raise TrainingError(
+            f"{path}: was made with another {', '.join(other)}, which --changed cannot change; begin a run in another "
+            "--out, from its weights (--start)"
+        )
+
+
 def _comparable(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
     """Each field under its whole name, "data.density", as far as it makes a run another."""
     found: dict[str, object] = {}

@@ -198,6 +198,10 @@ class ValidationConfig:
     recordings: tuple[Path, ...] = ()
     """Real recordings with frames that are scored beside the clips (never the test sequence)."""
 
+    def __post_init__(self) -> None:
+        _require(self.every >= 0, f"ValidationConfig.every is {self.every}; wanted at least 0 (0 is never)")
+        _require(self.score_every >= 1, f"ValidationConfig.score_every is {self.score_every}; wanted at least 1")
+
 
 @dataclass(frozen=True, slots=True)
 class TrainConfig:
@@ -236,6 +240,13 @@ class TrainConfig:
     checkpoint_every: int = 50
 
     def __post_init__(self) -> None:
+        _require(
+            not self.network.normalise_voxels,
+            "network.normalise_voxels is set; clips are given as they are, and the network would later be fed what it "
+            "never saw: leave it out",
+        )
+        for name in ("log_every", "checkpoint_every"):
+            _require(getattr(self, name) >= 1, f"TrainConfig.{name} is {getattr(self, name)}; wanted at least 1")
         _require(self.updates >= 1, "TrainConfig.stages hold no update; wanted at least one Stage with one")
         _require(
             1 <= self.truncate <= self.data.windows and self.data.windows % self.truncate == 0,

@@ -46,6 +46,15 @@ class World:
             gradient.copy_(flat[start : start + gradient.numel()].view_as(gradient))
             start += gradient.numel()
 
+    def share_of(self, count: int, device: torch.device) -> Tensor | float:
+        """What a mean over `count` things of this process counts, so that the mean over all processes is one over all
+        their things. All have to ask."""
+        if self.size == 1:
+            return 1.0
+        total = torch.full((), float(count), device=device)
+        distributed.all_reduce(total)
+        return count * self.size / total.clamp_min(1.0)
+
     def gathered(self, own: Tensor) -> Tensor:
         """Every process's rows, in the order of ranks."""
         if self.size == 1:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
@@ -17,7 +20,7 @@ from etnet.nets.padding import PATCH, TokenGrid
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, device_of
 from etnet.nets.weights import load_weights
-from etnet.training.checkpoint import Checkpoint, RunningMean, check_same_run, load_checkpoint
+from etnet.training.checkpoint import Checkpoint, RunningMean, check_continues, check_same_run, load_checkpoint
 from etnet.training.config import OptimiserConfig, TrainConfig
 from etnet.training.context_reader import ContextReader, context_of
 from etnet.training.data import Stretch
@@ -103,12 +106,24 @@ class Run:
         is_gamma = torch.tensor(stretch.is_gamma * len(draw.scored))
         if any(stretch.is_gamma):
             frames = without_tone(frames, targets, is_gamma.to(self.device, non_blocking=True))
-        told = None
-        if loss.context and not all(stretch.is_gamma):
-            linear = (~is_gamma).nonzero()[:, 0].to(self.device, non_blocking=True)
-            told = self.reader.error(contexts[0][linear], targets[linear])
+        told = self._told(contexts[0], targets, is_gamma) if loss.context else None
         alive = silence(drives) if loss.alive else None
         return score(frames, targets, loss, self.lpips, self._pairs(stretch, draw), told, alive), state
+
+    def _told(
+        self, context: Float[Tensor, "b d i j"], targets: Float[Tensor, "b 1 h w"], is_gamma: Bool[Tensor, " b"]
+    ) -> Tensor:
+        """What a linear layer reads off TPA's output, against the frames whose tone it can know.
+
+        Where there is no such frame its parameters have gradients all the same: processes average theirs in one
+        message, and one that sent fewer would be misunderstood.
+        """
+        linear = (~is_gamma).nonzero()[:, 0]
+        share = self.world.share_of(len(linear), self.device)
+        if not len(linear):
+            return 0.0 * torch.stack([part.sum() for part in self.reader.parameters()]).sum()
+        linear = linear.to(self.device, non_blocking=True)
+        return share * self.reader.error(context[linear], targets[linear])
 
     def _pairs(self, stretch: Stretch, draw: Draw) -> Pairs | None:
         """Scored frames that follow each other directly, from window L0 of their clip on."""
@@ -173,21 +188,35 @@ def begin(config: TrainConfig, world: World) -> Run:
 
 
 def resume(config: TrainConfig, world: World, path: Path, changed: bool = False) -> Run:
-    """The run that a checkpoint holds, as if it had never stopped. `changed` allows another config from here on."""
+    """The run that a checkpoint holds, as if it had never stopped. `changed` allows another config from here on.
+
+    What it began from stays what the checkpoint says, whatever the config does.
+    """
     checkpoint = load_checkpoint(path)
-    if not changed:
+    if changed:
+        check_continues(config, checkpoint, path)
+    else:
         check_same_run(config, checkpoint, path)
-    run = begin(config, world)
+    run = begin(replace(config, start=None), world)
+    run.config = replace(config, **_beginning(checkpoint.config))
     run.model.load_state_dict(checkpoint.weights)
     run.reader.load_state_dict(checkpoint.reader)
     run.averaged.weights = {name: value.to(run.device) for name, value in checkpoint.averaged.items()}
+    decays = [group["weight_decay"] for group in run.optimiser.param_groups]
     run.optimiser.load_state_dict(checkpoint.optimiser)
+    for group, decay in zip(run.optimiser.param_groups, decays, strict=True):
+        group["weight_decay"] = decay  # the config's, which torch replaces by the checkpoint's
     run.update, run.best = checkpoint.update, checkpoint.best
     memory = () if changed and not _is_of_clips(checkpoint.memory, config, run.update) else checkpoint.memory
     lanes = world.lanes(memory[0].shape[0]) if memory else range(0)
     own = tuple(tensor[lanes.start : lanes.stop].clone().to(run.device) for tensor in memory)
     run.state = State(own) if own else None
     return run
+
+
+def _beginning(plain: Mapping[str, Any]) -> dict[str, Any]:
+    start = plain.get("start")
+    return {"start": None if start is None else Path(start), "initialise": plain.get("initialise", "default")}
 
 
 def _is_of_clips(memory: tuple[Tensor, ...], config: TrainConfig, update: int) -> bool:

@@ -7,7 +7,14 @@ import pytest
 from etnet.cli.main import main
 from etnet.cli.train_options import parse
 from etnet.training import loop
-from etnet.training.config import OptimiserConfig, Stage, TrainConfig, TrainingError
+from etnet.training.config import (
+    OptimiserConfig,
+    Stage,
+    TrainConfig,
+    TrainingError,
+    ValidationConfig,
+    network_preset,
+)
 from etnet.training.recipes import RECIPES
 from tests.training.micro import micro
 
@@ -23,6 +30,13 @@ def test_values_that_cannot_be_are_refused_by_name():
         TrainConfig(Path("x"), truncate=7)
     with pytest.raises(TrainingError, match="learning_rate is 0"):
         OptimiserConfig(learning_rate=0)
+    with pytest.raises(TrainingError, match="score_every is 0"):
+        ValidationConfig(score_every=0)
+    for name in ("log_every", "checkpoint_every"):
+        with pytest.raises(TrainingError, match=f"{name} is 0"):
+            TrainConfig(Path("x"), **{name: 0})
+    with pytest.raises(TrainingError, match="normalise_voxels is set"):
+        TrainConfig(Path("x"), network=replace(network_preset("tiny"), normalise_voxels=True))
 
 
 def test_stages_follow_each_other(tmp_path: Path):

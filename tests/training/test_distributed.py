@@ -41,9 +41,13 @@ with joined() as world:
 
 
 def shared(out: Path) -> TrainConfig:
-    """Twenty updates of four clips, with everything random switched on but dropout."""
+    """Twenty updates of four clips, with everything random switched on but dropout. In a folder "toned" eight, and so
+    many clips are gamma-coded that a process often has none that TPA is read of."""
     context = ContextConfig(skip_drop=0.5, skip_drop_end=0.5, blind_share=0.8)
-    config = micro(out, stages=(Stage(20, size=(40, 48), clips=4),), context=context)
+    is_toned = out.parent.name == "toned"
+    config = micro(out, stages=(Stage(8 if is_toned else 20, size=(40, 48), clips=4),), context=context)
+    if is_toned:
+        config = replace(config, data=replace(config.data, gamma_share=0.6), loss=replace(config.loss, context=1.0))
     return replace(config, network=replace(config.network, dropout=0.0))
 
 
@@ -61,16 +65,19 @@ def two_processes(program: str, out: Path) -> None:
         )
         for rank in range(2)
     ]
-    assert [member.wait(timeout=150) for member in members] == [0, 0]
+    assert [member.wait(timeout=300) for member in members] == [0, 0]
 
 
 @pytest.mark.slow
-def test_two_processes_make_the_weights_of_one(tmp_path: Path):
-    two_processes(MEMBER, tmp_path / "two")
-    train(shared(tmp_path / "one"))
-    one, two = load_checkpoint(tmp_path / "one" / LAST), load_checkpoint(tmp_path / "two" / LAST)
+@pytest.mark.parametrize(("clips", "most"), [("plain", 1e-5), ("toned", 5e-5)])
+def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str, most: float):
+    """A mean of means rounds otherwise than a mean, and AdamW's first steps enlarge what is small: hence `most`."""
+    folder = tmp_path / clips
+    two_processes(MEMBER, folder / "two")
+    train(shared(folder / "one"))
+    one, two = load_checkpoint(folder / "one" / LAST), load_checkpoint(folder / "two" / LAST)
     difference = max(float((one.weights[name] - two.weights[name]).abs().max()) for name in one.weights)
-    assert difference < 1e-5
+    assert difference < most
     for own, other in zip(one.memory, two.memory, strict=True):
         torch.testing.assert_close(own, other, atol=1e-4, rtol=1e-3)
 

@@ -182,6 +182,40 @@ def test_another_config_is_refused_by_name(tmp_path: Path):
     assert train(longer, changed=True).update == 2
 
 
+def test_a_changed_weight_decay_holds_from_there_on(tmp_path: Path):
+    for kind in ("adamw", "muon"):
+        config = micro(tmp_path / kind, stages=(Stage(1, size=(40, 48)),))
+        config = replace(config, optimiser=replace(config.optimiser, kind=kind, weight_decay=0.25))
+        train(config)
+        longer = replace(config, stages=(Stage(2, size=(40, 48)),))
+        run = train(replace(longer, optimiser=replace(config.optimiser, weight_decay=0.0)), changed=True)
+        assert {group["weight_decay"] for group in run.optimiser.param_groups} == {0.0}
+
+
+def test_what_cannot_be_changed_is_refused_by_name(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(1, size=(40, 48)),))
+    train(config)
+    longer = replace(config, stages=(Stage(2, size=(40, 48)),))
+    for other, name in (
+        (replace(longer, optimiser=replace(config.optimiser, kind="muon")), "optimiser.kind"),
+        (replace(longer, network=replace(config.network, scales=2)), "network.scales"),
+    ):
+        with pytest.raises(TrainingError, match=f"another {name}, which --changed cannot change"):
+            train(other, changed=True)
+
+
+def test_a_run_keeps_what_it_began_from(tmp_path: Path):
+    config = micro(tmp_path / "run", stages=(Stage(1, size=(40, 48)),))
+    start = tmp_path / "start.safetensors"
+    save_weights(begin(config, World()).model, start)
+    train(replace(config, start=start))
+    start.unlink()  # it is not read again
+    longer = replace(config, stages=(Stage(2, size=(40, 48)),), start=tmp_path / "other.safetensors")
+    run = train(longer, changed=True)
+    assert (run.config.start, run.config.initialise) == (start, config.initialise)
+    assert load_checkpoint(config.out / LAST).config["start"] == str(start)
+
+
 @pytest.mark.parametrize("stage", [Stage(4, size=(40, 48), clips=2), Stage(4, size=(48, 56), clips=3)])
 def test_a_run_goes_on_with_other_clips_from_a_zero_state(tmp_path: Path, stage: Stage):
     config = micro(tmp_path, stages=(Stage(3, size=(40, 48), clips=3),))
