@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,6 +14,7 @@ import tyro
 from rich.markup import escape
 
 from etnet.cli import many
+from etnet.cli.labels import labels_of
 from etnet.cli.many import Share, this_share
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
@@ -73,12 +74,46 @@ class Job:
     model: str
     recording: Path
     target: Path
+    labels: tuple[str, str]
+    """The model's and the recording's names in the report, which no other model or recording of this call has."""
+
+    @property
+    def file(self) -> str:
+        """The recording's file, as it is said."""
+        return printable(Path(self.labels[1]).parent / self.recording.name)
+
+    def failed(self, reason: str) -> Failure:
+        """As the report names it."""
+        from etnet.evaluation.report import Failure
+
+        return Failure(printable(self.model), self.file, reason)
+
+
+class _Models:
+    """The network that was loaded last, and the digests of the weights of all that were."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._last: tuple[str, Network] | None = None
+        self._digests: dict[str, str] = {}
+
+    def load(self, name: str) -> Network:
+        """The network; the one before is let go."""
+        if self._last is None or self._last[0] != name:
+            self._last = None
+            self._last = (name, _load(name, self._device))
+            self._digests[name] = _weights_digest(self._last[1])
+        return self._last[1]
+
+    def digest(self, name: str) -> str:
+        """Of its weights and its architecture."""
+        if name not in self._digests:
+            self.load(name)
+        return self._digests[name]
 
 
 def run(config: Evaluate) -> int:
     """Do it; 1 when any pair failed, and the report names it."""
-    from etnet.evaluation.report import Failure
-
     if config.whole and config.part() is not None:
         raise EtnetError("--whole scores all frames, --from and --to some of them; give one of the two")
     models, recordings = sort_items(config.items, config.out) if config.items else _bundled()
@@ -87,28 +122,27 @@ def run(config: Evaluate) -> int:
     mine = _dealt(jobs, share)
     judges = _judges(config)
     _forget_failures(config.out, share.rank, share.size)
-    failures: list[Failure] = []
-    loaded: tuple[str, Network] | None = None
+    failures: list[tuple[Job, str]] = []
+    networks = _Models(config.device)
     for number, job in enumerate(jobs):
         if job not in mine:
             continue
-        label = f"[{number + 1}/{len(jobs)}] {job.model} on {job.recording.name}"
+        label = f"[{number + 1}/{len(jobs)}] {job.model} on {job.file}"
         try:
             with claimed(job.target.with_name(f".{job.target.stem}.claim")) as is_ours:
                 if not is_ours:
                     _say(f"{label}: another process is at it")
                     continue
-                loaded = loaded if loaded and loaded[0] == job.model else (job.model, _load(job.model, config.device))
-                scores = _score(config, job, loaded[1], judges, label)
+                scores = _score(config, job, networks, judges, label)
             _say(f"{label}: LPIPS {scores.mean('lpips'):.4f}, {scores.num_frames} frames")
         except Exception as error:  # whatever it is, it is this pair's and ends no other
             said = str(error) if isinstance(error, EtnetError) else f"{type(error).__name__}: {error}"
-            failures.append(Failure(job.model, job.recording.name, said))
+            failures.append((job, said))
             _say(f"{label}: failed, {said}")
     _write_failures(config.out, share.rank, failures)
-    for failure in failures:
-        _say(f"  {failure.model} on {failure.recording}: {failure.reason}")
-    report = _collect(config, jobs)
+    for job, said in failures:
+        _say(f"  {job.model} on {job.file}: {said}")
+    report = _collect(config, jobs, judges, networks)
     if report is None:
         _say("other processes are still at work; the last one writes the report")
         return 1 if failures else 0
@@ -159,6 +193,10 @@ def _bundled() -> tuple[list[str], list[Path]]:
 def _jobs(config: Evaluate, models: list[str], recordings: list[Path]) -> list[Job]:
     folder = config.out / "scores"
     folder.mkdir(parents=True, exist_ok=True)
+    # What was named twice is one.
+    models = list({Path(model).resolve(): model for model in models}.values())
+    recordings = list({recording.resolve(): recording for recording in recordings}.values())
+    shown, labels = labels_of(map(Path, models)), labels_of(recordings)
     jobs = []
     for recording in recordings:
         for model in models:
@@ -166,7 +204,8 @@ def _jobs(config: Evaluate, models: list[str], recordings: list[Path]) -> list[J
             told = f"{Path(model).resolve()}\n{recording.resolve()}{config.part() or ''}"
             where = hashlib.sha256(told.encode()).hexdigest()[:8]
             words = [re.sub(r"[^\w+-]+", "_", Path(part).stem) for part in (model, str(recording))]
-            jobs.append(Job(model, recording, folder / f"{words[0]}__{words[1]}__{config.protocol}__{where}.json"))
+            target = folder / f"{words[0]}__{words[1]}__{config.protocol}__{where}.json"
+            jobs.append(Job(model, recording, target, (shown[Path(model)], labels[recording])))
     return jobs
 
 
@@ -186,12 +225,13 @@ def _load(model: str, device: str) -> Network:
     return load_model(model, device)
 
 
-def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: str) -> Scores:
+def _score(config: Evaluate, job: Job, networks: _Models, judges: Judges, label: str) -> Scores:
     from etnet.evaluation.evaluate import evaluate
     from etnet.evaluation.protocol import PROTOCOLS
     from etnet.evaluation.scores import read_scores, write_scores
 
-    key = _key(config, job, judges, _weights_digest(model))
+    model = networks.load(job.model)
+    key = _key(config, job, judges, networks.digest(job.model))
     kept = read_scores(job.target, key)
     if kept is not None:
         return kept
@@ -204,7 +244,7 @@ def _score(config: Evaluate, job: Job, model: Network, judges: Judges, label: st
             judges,
             whole=config.whole,
             estimates_flow=config.flow == "auto",
-            name=Path(job.model).stem if job.model.endswith(".safetensors") else job.model,
+            name=job.labels[0],
             on_progress=progress,
             part=config.part(),
         )
@@ -216,7 +256,8 @@ def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
     """All that the numbers depend on."""
     files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
-    choices = [config.protocol, config.whole, config.flow, config.device, repr(config.opening)]
+    kind, _, _ = config.device.partition(":")  # each process may have a GPU of its own
+    choices = [config.protocol, config.whole, config.flow, kind, repr(config.opening)]
     choices += [] if config.part() is None else [str(config.part())]
     judged = "alex+vgg" if judges.lpips_vgg else "alex"
     facts = [RULES, choices, judged, weights, stats]
@@ -231,22 +272,28 @@ def _weights_digest(model: Network) -> str:
     return digest.hexdigest()
 
 
-def _collect(config: Evaluate, jobs: list[Job]) -> Report | None:
+def _collect(config: Evaluate, jobs: list[Job], judges: Judges, networks: _Models) -> Report | None:
     """The report once every job has ended, in success or failure; None before."""
     from etnet.evaluation.report import Report
     from etnet.evaluation.scores import read_scores
 
-    failed = {(failure.model, failure.recording): failure for failure in _read_failures(config.out)}
+    failed = dict(_read_failures(config.out))
+    if not all(job.target.name in failed or job.target.exists() for job in jobs):
+        return None
     scores: list[Scores] = []
     failures: list[Failure] = []
     for job in jobs:
-        named = printable(job.model), printable(job.recording.name)
-        if named in failed:
-            failures.append(failed[named])
-        elif (read := read_scores(job.target)) is not None:
-            scores.append(read)
-        else:
+        if job.target.name in failed:
+            failures.append(job.failed(failed[job.target.name]))
+            continue
+        try:
+            key = _key(config, job, judges, networks.digest(job.model))
+        except (EtnetError, OSError):
+            return None  # it changed since it was scored; whose job it is will say so
+        read = read_scores(job.target, key)
+        if read is None:
             return None
+        scores.append(replace(read, model=job.labels[0], recording=job.labels[1]))
     return Report(config.protocol, tuple(scores), tuple(failures))
 
 
@@ -258,23 +305,22 @@ def _forget_failures(out: Path, rank: int, num_ranks: int) -> None:
             path.unlink()
 
 
-def _write_failures(out: Path, rank: int, failures: list[Failure]) -> None:
-    rows = [[printable(word) for word in (failed.model, failed.recording, failed.reason)] for failed in failures]
+def _write_failures(out: Path, rank: int, failures: list[tuple[Job, str]]) -> None:
+    rows = [[job.target.name, printable(said)] for job, said in failures]
     _write_text(out / f"failures_{rank}.json", json.dumps(rows))
 
 
-def _read_failures(out: Path) -> Iterator[Failure]:
-    from etnet.evaluation.report import Failure
-
+def _read_failures(out: Path) -> Iterator[tuple[str, str]]:
+    """The name of the file that each pair's scores would be in, and why there are none."""
     for path in sorted(out.glob("failures_*.json")):
         try:
             rows = bounded_json(path.read_bytes(), _LONGEST_FAILURES)
-            is_list = isinstance(rows, list) and all(isinstance(row, list) and len(row) == 3 for row in rows)
+            is_list = isinstance(rows, list) and all(isinstance(row, list) and len(row) == 2 for row in rows)
             if not is_list or not all(isinstance(word, str) for row in rows for word in row):
                 raise PlainError("is no list of failures")
         except (PlainError, OSError) as error:
             raise EtnetError(f"{path.name}: cannot be read (it {error}); delete the file") from None
-        yield from (Failure(*row) for row in rows)
+        yield from ((name, said) for name, said in rows)
 
 
 def _write_report(report: Report, out: Path) -> None:

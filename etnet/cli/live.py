@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from etnet.cli.frames_folder import FRAMES, check_frames
 from etnet.cli.policy import parse_policy
 from etnet.cli.progress import SAYS_EVERY, console
 from etnet.live.layouts import LayoutName
@@ -61,7 +62,7 @@ class ReconstructLive:
     record: Path | None = None
     """Also record the events: .aedat4 or .h5."""
     overwrite: bool = False
-    """Replace the recorded file if it is there."""
+    """Replace frames and the recorded file if they are there."""
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
@@ -77,9 +78,13 @@ class ReconstructLive:
 
 def run(config: ReconstructLive) -> int:
     """Do it; returns the exit code."""
+    from etnet.export.images import check_gamma
     from etnet.live.binning import fitting_downsample
     from etnet.nets.weights import load_model
 
+    if config.gamma is not None:
+        check_gamma(config.gamma)
+    check_frames(config.out / FRAMES, config.overwrite)
     if config.record is not None:
         check_recordable(config.record, config.overwrite)
     model = load_model(config.model, config.device, config.precision)
@@ -120,7 +125,7 @@ def _reconstruct(
     if recorder is not None:
         recorder.follow(windows.kept, repr(policy), downsample)
     told = Teller(live)
-    with FrameFolder(config.out, model, config.gamma) as folder:
+    with FrameFolder(config.out, model, config.gamma, config.overwrite) as folder:
         for live_step in reconstruct_live(model, windows, downsample, is_stopped.is_set):
             folder.add(live_step.window, live_step.step.frame, live_step.num_merged)
             told.tell(f"{_behind(live_step.behind)}, {windows.num_merged} windows merged")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from jaxtyping import Float
 
+from etnet.cli.frames_folder import FRAMES, STAMPS, frame_name, make_room
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import WindowError
@@ -22,14 +23,14 @@ if TYPE_CHECKING:
 
 
 class FrameFolder:
-    """Writes frames/frame_000000.png … and a row of stamps.csv for each, at once."""
+    """Writes frames/frame_000000.png … and a row of stamps.csv for each, at once; what an earlier call wrote goes."""
 
-    def __init__(self, out: Path, model: Reconstructor, gamma: float | None) -> None:
+    def __init__(self, out: Path, model: Reconstructor, gamma: float | None, overwrite: bool) -> None:
         self.num_frames = 0
-        self._frames = out / "frames"
-        self._frames.mkdir(parents=True, exist_ok=True)
+        self._frames = out / FRAMES
+        make_room(self._frames, overwrite)
         self._gamma = gamma if gamma is not None else float(model.card.get("display_gamma", 1.0))  # pyright: ignore
-        self._stamps = (out / "stamps.csv").open("w", encoding="ascii", newline="\n")
+        self._stamps = (out / STAMPS).open("w", encoding="ascii", newline="\n")
         self._stamps.write("frame,t_stop_us,t_start_us,num_events,merged\n")
 
     def add(self, window: Window, frame: Float[Tensor, "1 1 h w"], num_merged: int) -> None:
@@ -37,7 +38,7 @@ class FrameFolder:
         from etnet.export.images import to_uint8, write_png
 
         image = to_uint8(frame[0, 0].float().cpu().numpy(), self._gamma)
-        write_png(self._frames / f"frame_{window.index:06d}.png", image)
+        write_png(self._frames / frame_name(window.index), image)
         row = (window.index, window.t_stop, window.t_start, window.num_events, num_merged)
         self._stamps.write(",".join(map(str, row)) + "\n")
         self._stamps.flush()
@@ -48,10 +49,19 @@ class FrameFolder:
 
     def __exit__(self, *_: object) -> None:
         self._stamps.close()
+        if not self.num_frames:
+            (self._frames.parent / STAMPS).unlink(missing_ok=True)  # nothing that the next call would have to spare
 
 
 def run_as_cut(
-    file: Path, opening: Opening, out: Path, model_name: str, device: str, precision: str, gamma: float | None
+    file: Path,
+    opening: Opening,
+    out: Path,
+    model_name: str,
+    device: str,
+    precision: str,
+    gamma: float | None,
+    overwrite: bool,
 ) -> int:
     """The live frames of a recorded file again; returns the exit code."""
     from etnet.nets.weights import load_model
@@ -63,7 +73,7 @@ def run_as_cut(
         as_cut = windows_as_cut(recording)
         seen = binned(recording, as_cut.downsample)
         model = load_model(model_name, device, precision)  # pyright: ignore[reportArgumentType]
-        with FrameFolder(out, model, gamma) as folder:
+        with FrameFolder(out, model, gamma, overwrite) as folder:
             steps = reconstruct(model, seen, as_cut.windows)
             for window, step in track(steps, len(as_cut.windows), "reconstructing"):
                 folder.add(window, step.frame, as_cut.num_merged[window.index])

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.arguments import parsed
+from etnet.cli.frames_folder import FRAMES, KALIBR, STAMPS, VIDEO, check_frames, frame_name, kalibr_name, make_room
 from etnet.cli.live import ReconstructLive
 from etnet.cli.live import run as run_live
 from etnet.cli.live_frames import run_as_cut
@@ -24,9 +25,10 @@ from etnet.events.moments import Moments, divided, moments_of_frames, moments_of
 from etnet.events.recording import Recording
 from etnet.windows import ByCount, ByDuration, ByStamps, Policy, Window, plan_windows
 
-STAMPS = "stamps.csv"
 LARGE_SENSOR = 400_000
 """Pixels from which on a run's time is told before it begins."""
+SLOWEST, FASTEST = 0.001, 100_000
+"""Frames a second of a video that can be written."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,8 @@ class Reconstruct:
     end: Annotated[float | None, tyro.conf.arg(name="to")] = None
     """Seconds since the first event: frames of windows that end by then. Default: the end."""
     overwrite: bool = False
-    """Replace frames that are there. Of several recordings those that are finished are left as they are; with it they
-    are done again."""
+    """Replace frames that are there, and a film or frames that something else wrote. Of several recordings those that
+    are finished are left as they are; with it they are done again."""
     model: str = "etnet-half"
     """A bundled model's name, or a weights file."""
     windows: str | None = None
@@ -87,6 +89,7 @@ def run(config: Reconstruct | ReconstructLive) -> int:
 
     if isinstance(config, ReconstructLive):
         return run_live(config)
+    _check_numbers(config)
     if not config.files:
         raise EtnetError("there is nothing to reconstruct: name a recording, or several")
     if config.windows == "as-cut":
@@ -96,7 +99,7 @@ def run(config: Reconstruct | ReconstructLive) -> int:
             raise EtnetError("--windows as-cut gives all live frames again; leave --from and --to out")
         _check_out(config)
         places = next(iter(config.files)), config.opening, config.out
-        return run_as_cut(*places, config.model, config.device, config.precision, config.gamma)
+        return run_as_cut(*places, config.model, config.device, config.precision, config.gamma, config.overwrite)
     recordings = recordings_in(config.files, config.out)
     if len(recordings) == len(config.files) == 1 and recordings[0] == config.files[0]:
         _check_out(config)
@@ -105,15 +108,34 @@ def run(config: Reconstruct | ReconstructLive) -> int:
         return 0
 
     def work(path: Path, folder: Path, told: Callable[[float], None]) -> int:
-        return _reconstruct(replace(config, out=folder), path, told)
+        own = replace(config, out=folder)
+        _check_out(own, is_shared=True)
+        return _reconstruct(own, path, told)
 
     return run_many(jobs_of(recordings, config.out), this_share(), _settings(config), work, anew=config.overwrite)
 
 
-def _check_out(config: Reconstruct) -> None:
-    """Finished frames stay, unless they may be replaced; the table of stamps is written last."""
-    if (config.out / STAMPS).exists() and not config.overwrite:
-        raise EtnetError(f"{config.out}: holds frames already; give another --out, or --overwrite")
+def _check_numbers(config: Reconstruct) -> None:
+    """Before anything is computed or taken away."""
+    from etnet.export.images import check_gamma
+    from etnet.export.pace import check_speed
+
+    check_speed(config.speed)
+    if config.gamma is not None:
+        check_gamma(config.gamma)
+
+
+def _folder_of(config: Reconstruct) -> Path:
+    is_kalibr = config.layout == "kalibr" and config.windows != "as-cut"
+    return config.out / (KALIBR if is_kalibr else FRAMES)
+
+
+def _check_out(config: Reconstruct, is_shared: bool = False) -> None:
+    """Finished frames, and what others put there, stay, unless they may be replaced; what is read from, always."""
+    folder = _folder_of(config)
+    if config.stamps is not None and Path(config.stamps).resolve() == folder.resolve():
+        raise EtnetError(f"--stamps {config.stamps}: the frames would go there and replace it; give another --out")
+    check_frames(folder, config.overwrite, is_shared)
 
 
 def _settings(config: Reconstruct) -> str:
@@ -219,15 +241,14 @@ def _write(
     from etnet.files import write_atomically
     from etnet.reconstruction import reconstruct
 
-    is_kalibr = config.layout == "kalibr"
-    folder = config.out / ("cam0" if is_kalibr else "frames")
-    _make_room(folder)
+    is_kalibr, folder = config.layout == "kalibr", _folder_of(config)
+    rate = 0.0 if is_kalibr else _frames_per_second(shown, config.speed)
+    make_room(folder, config.overwrite)
     stamps = ["frame,t_stop_us,t_start_us,num_events"]
     width, height = recording.sensor.width, recording.sensor.height
-    rate = _frames_per_second(shown) * config.speed
     first, stop = shown[0].index, shown[-1].index + 1
     steps = track(islice(reconstruct(model, recording, policy), stop), stop, "reconstructing")
-    with nullcontext() if is_kalibr else video_writer(config.out / "video.mp4", width, height, rate) as append:
+    with nullcontext() if is_kalibr else video_writer(config.out / VIDEO, width, height, rate) as append:
         for window, step in steps:
             told((window.index + 1) / stop)
             if window.index < first or (names is not None and window.t_stop not in names):
@@ -235,7 +256,7 @@ def _write(
             image = to_uint8(step.frame[0, 0].float().cpu().numpy(), gamma)
             number = window.index if names is None else len(stamps) - 1
             nanoseconds = window.t_stop * 1000 if names is None else names[window.t_stop]
-            write_png(folder / (f"{nanoseconds:019d}.png" if is_kalibr else f"frame_{number:06d}.png"), image)
+            write_png(folder / (kalibr_name(nanoseconds) if is_kalibr else frame_name(number)), image)
             if append is not None:
                 append(image)
             stamps.append(f"{number},{window.t_stop},{window.t_start},{window.num_events}")
@@ -243,19 +264,17 @@ def _write(
     return len(stamps) - 1
 
 
-def _make_room(folder: Path) -> None:
-    """Take away what an earlier call wrote there, so that no frame of it stands among the new ones."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for former in (folder.parent / STAMPS, folder.parent / "video.mp4"):
-        former.unlink(missing_ok=True)
-    for path in folder.iterdir():
-        if re.fullmatch(r"frame_\d{6,}\.png|\d{19}\.png", path.name):
-            path.unlink()
+def _frames_per_second(windows: Sequence[Window], speed: float) -> float:
+    """The video's rate: in real time the mean rate of the windows, at least one, at most 1,000; times `speed`.
 
-
-def _frames_per_second(windows: Sequence[Window]) -> float:
-    """The mean rate of the windows, at which the video plays in real time; at least one, at most 1,000."""
-    if len(windows) < 2:
-        return 25.0
+    Raises:
+        EtnetError: no video has such a rate.
+    """
+    rate = 25.0
     seconds = (windows[-1].t_stop - windows[0].t_stop) / 1e6
-    return min(max((len(windows) - 1) / seconds, 1.0), 1000.0) if seconds > 0 else 25.0
+    if len(windows) > 1 and seconds > 0:
+        rate = min(max((len(windows) - 1) / seconds, 1.0), 1000.0)
+    if not SLOWEST <= rate * speed <= FASTEST:
+        takes = f"a video takes {SLOWEST:g} to {FASTEST:,.0f}"
+        raise EtnetError(f"speed is {speed:g}: {rate * speed:g} frames a second, and {takes}; choose another --speed")
+    return rate * speed

@@ -22,8 +22,9 @@ from etnet.simulation.pictures import PicturePool, Split
 class Simulate:
     """Let pictures move before a modelled event sensor and write what it sees (event_utils HDF5, with frames and flow).
 
-    Finished files are kept: the same command goes on where it was stopped. With --video the sensor sees a
-    video, pictures or a photo instead, and OUT is one file of any format that we write; of several videos, a folder.
+    Finished files are kept: the same command goes on where it was stopped, and another one, of other pictures, say, is
+    refused there. With --video the sensor sees a video, pictures or a photo instead, and OUT is one file of any format
+    that we write; of several videos, a folder.
     """
 
     out: tyro.conf.Positional[Path]

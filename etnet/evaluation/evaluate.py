@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from etnet.errors import RecordingError
 from etnet.evaluation.lpips import LPIPS, Taps, load_lpips
 from etnet.evaluation.metrics import (
     best_affine,
@@ -156,7 +157,7 @@ class Evaluation:
         """What was scored up to now."""
         rows = self._table.rows()
         stamps = np.asarray(self._truth.stamps, np.int64)[list(self.plan.frames)][: self._table.num_frames]
-        remarks = (*self.plan.remarks, self._flow.remark)
+        remarks = (*self.plan.remarks, *self._flow.remarks(self._recording.name))
         protocol = self._judge.protocol.name
         return Scores(self._name, self._recording.name, protocol, self.plan.sequence, stamps, rows, remarks)
 
@@ -195,16 +196,30 @@ class _FlowOf:
     def __init__(self, truth: GroundTruth, estimates: bool) -> None:
         self._truth = truth
         self._estimates = estimates
-        self.remark = "TC: no flow in the file, not measured"
+        self._without: set[int] = set()
+        self._remark = "TC: no flow in the file, not measured"
         if truth.read_flow is not None:
-            self.remark = "TC: with the file's own flow"
+            self._remark = "TC: with the file's own flow"
         elif estimates:
-            self.remark = "TC: the file has no flow; estimated with DIS on ground truth"
+            self._remark = "TC: the file has no flow; estimated with DIS on ground truth"
+
+    def remarks(self, name: str) -> tuple[str, ...]:
+        """Where the flow comes from, and how many of the frames of the recording `name` had none up to now."""
+        if not self._without:
+            return (self._remark,)
+        num = len(self._without)
+        counted = "1 frame of {}, which has" if num == 1 else f"{num} frames of {{}}, which have"
+        return self._remark, f"TC: not measured at {counted.format(name)} no flow that can be read"
 
     def into(self, frame: int) -> Tensor | None:
-        """From frame − 1 to `frame`, `1 2 h w`."""
+        """From frame − 1 to `frame`, `1 2 h w`; None where there is none."""
         if self._truth.read_flow is not None:
-            return torch.from_numpy(np.ascontiguousarray(self._truth.read_flow(frame), np.float32))[None]
+            try:
+                flow = self._truth.read_flow(frame)
+            except RecordingError:
+                self._without.add(frame)  # as where a scene is cut
+                return None
+            return torch.from_numpy(np.ascontiguousarray(flow, np.float32))[None]
         if not self._estimates:
             return None
         return torch.from_numpy(estimate_flow(self._truth.read_frame(frame - 1), self._truth.read_frame(frame)))[None]

@@ -12,6 +12,12 @@ from etnet.errors import EtnetError
 from etnet.files import write_atomically
 
 
+def check_gamma(gamma: float) -> None:
+    """An error unless frames can be shown with this display gamma."""
+    if not 0.1 <= gamma <= 10:
+        raise EtnetError(f"display gamma is {gamma:g}; it takes a number from 0.1 to 10")
+
+
 def to_uint8(frame: Float32[np.ndarray, "h w"], gamma: float = 1.0) -> UInt8[np.ndarray, "h w"]:
     """Clip to 0 … 1, apply frame^(1/gamma), round half to even to 0 … 255."""
     clipped = np.clip(frame, 0.0, 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,12 @@ class Pace:
     frames_per_second: float
 
 
+def check_speed(speed: float) -> None:
+    """An error unless a video can play at this share of real time."""
+    if not 0 < speed < math.inf:
+        raise EtnetError(f"speed is {speed:g}; it takes a number above 0 (1 is real time, 0.1 ten times slower)")
+
+
 def pace_of(
     windows: Sequence[Window], speed: float = 1.0, fastest: float = FASTEST, frames_per_second: float | None = None
 ) -> Pace:
@@ -34,8 +41,7 @@ def pace_of(
     Even windows are shown once each, unless `frames_per_second` is given. Else a clock runs at a constant rate, and
     each tick shows the newest frame whose stamp is not after it.
     """
-    if not speed > 0:
-        raise EtnetError(f"speed is {speed:g}; it takes a number above 0 (1 is real time, 0.1 ten times slower)")
+    check_speed(speed)
     if frames_per_second is not None and not SLOWEST <= frames_per_second <= fastest:
         raise EtnetError(f"{frames_per_second:g} frames a second; it takes {SLOWEST:g} … {fastest:g}")
     if len(windows) < 2:

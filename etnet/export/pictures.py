@@ -12,7 +12,7 @@ from jaxtyping import Float32, UInt8
 
 from etnet.errors import EtnetError, RecordingError
 from etnet.export.compared import LIMIT, Cell, Runs, apart_words, board_of, letter_and_hue
-from etnet.export.images import to_uint8
+from etnet.export.images import check_gamma, to_uint8
 from etnet.export.take import Moment
 from etnet.render.colours import GROUND, diverge
 from etnet.render.events import EventStyle, event_image
@@ -46,8 +46,7 @@ class Look:
             raise EtnetError("no panel is to be shown; choose from events, reconstruction, camera")
         if not 1 <= self.scale <= 16:
             raise EtnetError(f"scale is {self.scale}; it takes a whole number from 1 to 16")
-        if not 0.1 <= self.gamma <= 10:
-            raise EtnetError(f"display gamma is {self.gamma:g}; it takes a number from 0.1 to 10")
+        check_gamma(self.gamma)
 
     @property
     def is_grey(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -33,7 +33,8 @@ def write_dataset(
 ) -> tuple[Path, ...]:
     """Write sequence_00000.h5 … and return the paths of those that are there.
 
-    What is there already is kept, if its settings are these. Sequence i depends on (pictures, config, seed, i) alone.
+    What is there already is kept, if its settings, and the pictures' split and names, are these. Sequence i depends on
+    (pictures, config, seed, i) alone.
     `progress` hears the fraction done. Of several processes each writes those of its `share` (number, how many
     processes): they are all of one length. One that another process is at is left to it.
 
@@ -42,11 +43,13 @@ def write_dataset(
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / f"sequence_{i:05d}.h5" for i in range(num_sequences))
-    settings = json.dumps({"seed": seed, "flow": with_flow, "config": asdict(config)}, sort_keys=True)
+    former = {"seed": seed, "flow": with_flow, "config": asdict(config)}
+    settings = _as_text({**former, "split": pictures.split, "pictures": pictures.names_digest})
     rank, num_processes = share
     mine = range(rank, num_sequences, num_processes)
     for path in paths:
-        _refuse_other_settings(path, settings)
+        # A file of the former version tells nothing of its pictures.
+        _refuse_other_settings(path, (settings, _as_text(former)))
     failures = []
     for number, i in enumerate(mine, start=1):
         try:
@@ -61,6 +64,10 @@ def write_dataset(
         more = f"; and {len(failures) - MOST_NAMED} more" if len(failures) > MOST_NAMED else ""
         raise RecordingError(counted + "; ".join(failures[:MOST_NAMED]) + more)
     return tuple(paths[i] for i in mine if paths[i].exists())
+
+
+def _as_text(settings: Mapping[str, object]) -> str:
+    return json.dumps(settings, sort_keys=True)
 
 
 def _write_one(
@@ -96,7 +103,7 @@ def _check_readable(path: Path) -> None:
         raise RecordingError(f"{path}: not a readable HDF5 file ({slip}); remove it to simulate it again") from slip
 
 
-def _refuse_other_settings(path: Path, settings: str) -> None:
+def _refuse_other_settings(path: Path, same: tuple[str, ...]) -> None:
     """Before anything is written, so that no folder ever holds sequences of two kinds."""
     if not path.exists():
         return
@@ -105,7 +112,8 @@ def _refuse_other_settings(path: Path, settings: str) -> None:
             found = file.attrs.get("settings")
     except OSError:
         return  # said when its turn comes
-    if found != settings:
+    if not isinstance(found, str) or found not in same:
         raise RecordingError(
-            f"{path}: was simulated with other settings or another seed; name an empty folder, or the same settings"
+            f"{path}: was simulated with other settings, of other pictures or another split of them, or with another "
+            "seed; name an empty folder, or the same of all"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -69,6 +70,9 @@ class PicturePool:
     weights: Float64[np.ndarray, " n"]
     cutouts: Sequence[Cutout] = ()
     names: Sequence[str] = field(default=(), repr=False)
+    cutout_names: Sequence[str] = field(default=(), repr=False)
+    split: Split | None = None
+    """What was chosen of the folders, if they came from some."""
 
     def __post_init__(self) -> None:
         if not len(self.photos):
@@ -111,7 +115,14 @@ class PicturePool:
         weights = np.array([source_weights.get(source_of(path), 1.0) for path in chosen], np.float64)
         if not len(weights):
             raise PictureError(f"{photos}: no picture of the split {split!r} in it; wanted .jpg, .png or .webp files")
-        return PicturePool(_within(greys, max_bytes), weights / weights.sum(), shapes, [path.name for path in chosen])
+        names, cutout_names = [path.name for path in chosen], [path.name for path in objects]
+        return PicturePool(_within(greys, max_bytes), weights / weights.sum(), shapes, names, cutout_names, split)
+
+    @property
+    def names_digest(self) -> str:
+        """A hash of the file names of photos and cut-outs."""
+        listed = json.dumps([list(self.names), list(self.cutout_names)])
+        return hashlib.sha256(listed.encode()).hexdigest()[:16]
 
     @property
     def num_bytes(self) -> int:

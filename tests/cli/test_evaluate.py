@@ -45,6 +45,56 @@ def test_it_scores_every_pair_and_a_second_call_reads_what_is_there(folder: Path
     assert report(folder) == first
 
 
+def weights(path: Path, seed: int) -> None:
+    path.parent.mkdir(exist_ok=True)
+    save_weights(build_model("tiny", torch.Generator().manual_seed(seed)), path)
+
+
+def test_files_of_one_name_in_two_folders_are_told_apart_in_every_line(folder: Path, capsys) -> None:
+    for seed in (12, 13):
+        weights(folder / f"{seed}" / "weights.safetensors", seed)
+    for number, name in enumerate(("a", "b")):
+        (folder / name).mkdir()
+        write_event_utils(made_up(num_frames=4 + number), folder / name / "events.h5")
+    items = "12/weights.safetensors", "13/weights.safetensors", "mine.safetensors", "a/events.h5", "b/events.h5"
+    assert evaluate(folder, *items) == 0
+    pairs = [(group, model) for group in ("a/events", "b/events") for model in ("12/weights", "13/weights", "mine")]
+    written = report(folder)
+    assert [(entry["recording"], entry["model"]) for entry in written["scores"]] == pairs
+    assert [len(entry["stamps"]) for entry in written["scores"]] == [3, 3, 3, 4, 4, 4]
+    raw = [line for line in written["lines"] if line["row"] == "as it is"]
+    assert [(line["group"], line["model"]) for line in raw] == pairs
+    assert len({line["values"]["mse"]["mean"] for line in raw}) == len(pairs)
+
+    (folder / "a" / "events.h5").write_bytes(b"nothing")
+    assert evaluate(folder, "mine.safetensors", "a/events.h5", "b/events.h5") == 1
+    written = report(folder)
+    assert [failure[:2] for failure in written["failures"]] == [[str(folder / "mine.safetensors"), "a/events.h5"]]
+    assert [(entry["recording"], len(entry["stamps"])) for entry in written["scores"]] == [("b/events", 4)]
+    assert "mine.safetensors on a/events.h5: " in capsys.readouterr().err
+
+
+def test_a_file_that_is_named_twice_is_scored_once(folder: Path) -> None:
+    assert evaluate(folder, "mine.safetensors", "./mine.safetensors", "one.h5", "../" + folder.name + "/one.h5") == 0
+    assert [(entry["model"], entry["recording"]) for entry in report(folder)["scores"]] == [("mine", "one")]
+
+
+def test_a_process_reports_no_score_of_former_weights_that_is_anothers_to_renew(folder: Path, monkeypatch) -> None:
+    items = "mine.safetensors", "one.h5", "two.h5"
+    assert evaluate(folder, *items) == 0
+    former = [entry["rows"]["as it is"]["mse"] for entry in report(folder)["scores"]]
+    (folder / "out" / "report.json").unlink()
+    weights(folder / "mine.safetensors", 5)
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    monkeypatch.setenv("RANK", "1")
+    assert evaluate(folder, *items) == 0
+    assert not (folder / "out" / "report.json").exists()
+    monkeypatch.setenv("RANK", "0")
+    assert evaluate(folder, *items) == 0
+    now = [entry["rows"]["as it is"]["mse"] for entry in report(folder)["scores"]]
+    assert all(new != old for new, old in zip(now, former, strict=True))
+
+
 def test_other_weights_under_the_same_name_are_scored_anew(folder: Path) -> None:
     assert evaluate(folder, "mine.safetensors", "one.h5") == 0
     first = report(folder)["scores"][0]["rows"]["as it is"]["mse"]

@@ -1,11 +1,14 @@
 """Evaluating is replaying from a cold start; its numbers are those of the measures, row by row."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from skimage.metrics import structural_similarity as skimage_ssim
 from torch import Tensor
 
+from etnet.errors import RecordingError
 from etnet.evaluation.evaluate import Judges, evaluate
 from etnet.evaluation.lpips import load_lpips
 from etnet.evaluation.metrics import robust_range
@@ -118,6 +121,30 @@ def test_without_flow_the_estimate_is_named_or_nothing_is_measured(judges: Judge
     bare = evaluate(model, recording, PAPER, judges, estimates_flow=False)
     assert np.isnan(bare.rows["as it is"]["temporal"]).all()
     assert any("not measured" in remark for remark in bare.remarks)
+
+
+def test_a_frame_without_flow_costs_its_temporal_consistency_alone(judges: Judges) -> None:
+    recording = made_up(has_flow=True)
+    truth, model = recording.ground_truth, build_model("tiny")
+    assert truth is not None
+    stored = truth.read_flow
+
+    def read_flow(index: int) -> np.ndarray:
+        if index in (3, 4):
+            raise RecordingError(f"no flow is stored for frame {index}")
+        assert stored is not None
+        return stored(index)
+
+    holed = replace(recording, ground_truth=replace(truth, read_flow=read_flow))
+    whole, scores = (evaluate(model, each, PAPER, judges) for each in (recording, holed))
+    for measure, values in whole.rows["as it is"].items():
+        expected = values.copy()
+        if measure == "temporal":
+            expected[[frame in (3, 4) for frame in plan_protocol(recording, PAPER).frames]] = np.nan
+        assert np.array_equal(scores.rows["as it is"][measure], expected, equal_nan=True)
+    assert "TC: with the file's own flow" in scores.remarks
+    assert "TC: not measured at 2 frames of made_up, which have no flow that can be read" in scores.remarks
+    assert not any("no flow" in remark for remark in whole.remarks)
 
 
 def test_progress_tells_the_fraction_done(judges: Judges) -> None:

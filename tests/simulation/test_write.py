@@ -1,7 +1,9 @@
 """Written recordings against the layout's documentation, read back with h5py alone."""
 
+import json
 from itertools import pairwise
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
 from etnet.simulation.config import SequenceConfig
 from etnet.simulation.dataset import write_dataset
+from etnet.simulation.pictures import PicturePool, is_held_out
 from etnet.simulation.sequence import simulate_sequence
 from etnet.simulation.write import Take, take_of, write_take
 from etnet.windows import BetweenFrames, plan_windows
@@ -98,6 +101,58 @@ def test_a_dataset_goes_on_where_it_stopped_and_refuses_other_settings(tmp_path)
     whole[0].write_bytes(b"broken")
     with pytest.raises(RecordingError, match="not a readable HDF5"):
         write_dataset(tmp_path / "whole", POOL, CONFIG, 3, seed=5)
+
+
+def photos_in(folder):
+    """Twenty photos, some of them held out, and four objects."""
+    rng = np.random.default_rng(0)
+    for kind, num, channels in (("photos", 20, 1), ("cutouts", 4, 4)):
+        (folder / kind).mkdir(parents=True)
+        for i in range(num):
+            picture = rng.integers(0, 256, (48, 64, channels), np.uint8)
+            assert cv2.imwrite(str(folder / kind / f"{i:02d}.png"), picture)
+    return folder / "photos", folder / "cutouts"
+
+
+def test_no_folder_holds_sequences_of_other_pictures_or_of_another_split(tmp_path):
+    photos, cutouts = photos_in(tmp_path)
+    pool = PicturePool.from_folder(photos, cutouts, "all")
+    (path,) = write_dataset(tmp_path / "data", pool, CONFIG, 1, seed=5)
+    kept = path.read_bytes()
+    others = [PicturePool.from_folder(photos, cutouts, split) for split in ("train", "held-out")]
+    others += [PicturePool.from_folder(photos, None, "all")]
+    (photos / "00.png").rename(photos / "a.png")
+    others += [PicturePool.from_folder(photos, cutouts, "all")]
+    for other in others:
+        with pytest.raises(RecordingError, match="other pictures"):
+            write_dataset(tmp_path / "data", other, CONFIG, 2, seed=5)
+    (photos / "a.png").rename(photos / "00.png")
+    again = PicturePool.from_folder(photos, cutouts, "all")
+    assert len(write_dataset(tmp_path / "data", again, CONFIG, 2, seed=5)) == 2
+    assert path.read_bytes() == kept
+
+
+def test_a_split_that_holds_the_same_pictures_is_another_one(tmp_path):
+    photos, _ = photos_in(tmp_path)
+    for path in photos.iterdir():
+        if is_held_out(path.name):
+            path.unlink()
+    write_dataset(tmp_path / "data", PicturePool.from_folder(photos, split="train"), CONFIG, 1, seed=5)
+    with pytest.raises(RecordingError, match="other pictures"):
+        write_dataset(tmp_path / "data", PicturePool.from_folder(photos, split="all"), CONFIG, 1, seed=5)
+
+
+def test_a_folder_of_the_former_version_which_told_nothing_of_its_pictures_goes_on(tmp_path):
+    photos, _ = photos_in(tmp_path)
+    pool = PicturePool.from_folder(photos)
+    (path,) = write_dataset(tmp_path / "data", pool, CONFIG, 1, seed=5)
+    with h5py.File(path, "r+") as file:
+        settings = json.loads(file.attrs["settings"])
+        former = {name: settings[name] for name in ("seed", "flow", "config")}
+        file.attrs["settings"] = json.dumps(former, sort_keys=True)
+    assert len(write_dataset(tmp_path / "data", pool, CONFIG, 2, seed=5)) == 2
+    with pytest.raises(RecordingError, match="other settings"):
+        write_dataset(tmp_path / "data", pool, CONFIG, 2, seed=6)
 
 
 def test_a_recording_of_a_dataset_tells_its_settings_when_it_is_opened(tmp_path):
