@@ -37,11 +37,13 @@ class ConfigError(EtnetError):
 
 
 def _is_web_address(text: str) -> bool:
+    """Whether it names a host, and nothing below it: the page asks for all that it needs from the root."""
     try:
         parts = urlsplit(text)
     except ValueError:
         return False
-    return parts.scheme in ("http", "https") and bool(parts.hostname)
+    is_root = parts.path in ("", "/") and not parts.query and not parts.fragment
+    return parts.scheme in ("http", "https") and bool(parts.hostname) and is_root
 
 
 def _region(text: str) -> tuple[int, int, int, int]:
@@ -102,7 +104,7 @@ class ViewerConfig:
     token: str | None = None
     """What visitors must give as ?token=… in the address; the printed address has it."""
     public_url: str | None = None
-    """The address by which a proxy in front of the viewer is reached."""
+    """The address by which a proxy in front of the viewer is reached; a host of its own, without a path."""
     budget: Annotated[int, tyro.conf.arg(metavar="MB")] = 1024
     """Memory for frames and recurrent states of all visitors, in MB."""
     cache: Annotated[int | Literal["off"], tyro.conf.arg(metavar="{off,MB}")] = 1024
@@ -196,7 +198,9 @@ class ViewerConfig:
         if self.token is not None and self.token != printable(self.token):
             raise ConfigError("--token: holds bytes that are no UTF-8; an address cannot carry them")
         if self.public_url is not None and not _is_web_address(self.public_url):
-            raise ConfigError(f"--public-url {self.public_url}: wanted an address such as https://show.example/viewer")
+            raise ConfigError(
+                f"--public-url {self.public_url}: wanted an address such as https://show.example, without a path"
+            )
 
     @property
     def region(self) -> tuple[int, int, int, int] | None:

@@ -75,12 +75,17 @@ def handed_over(
     """The page that a session file leads to, whose recording is one of those that are listed.
 
     Raises:
-        EtnetError: it is no session file, or its recording or its network is not here.
+        EtnetError: it is no session file, its recording or its network is not here, or others come in: it says how a
+            recording is opened, and would have a stranger's opened in this process.
     """
     from etnet.export.session_file import read_session
 
+    if config.is_open:
+        raise RecordingError(
+            f"{path.name}: session files are not followed here; `etnet-view SESSION` on your own machine opens it"
+        )
     session = read_session(path)
-    called = [entry for entry in entries if session.recording in (entry.path.name, entry.title)]
+    called = [entry for entry in entries if session.recording in (entry.path.name, entry.title) and entry.path.exists()]
     if not called:
         raise RecordingError(f"{session.recording}: the session's recording is not here; open it first, then this")
     failure: EtnetError | None = None

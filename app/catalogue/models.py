@@ -14,6 +14,7 @@ from app.config import ViewerConfig
 from etnet.bundled import models
 from etnet.errors import WeightsError
 from etnet.files import printable
+from etnet.nets.listing import LISTED, where_to_get
 from etnet.plain_values import PlainError, bounded_json, fitted
 
 LONGEST_TITLE, LONGEST_WARM_UP = 120, 100_000
@@ -62,6 +63,8 @@ def offered_models(config: ViewerConfig) -> Iterator[ModelEntry]:
     if wanted not in bundled and wanted not in BASELINES:
         # Read now, so that a wrong name is one line before the page is served and not a notice in it.
         path = Path(wanted)
+        if not path.is_file() and wanted in {network.name for network in LISTED}:
+            raise WeightsError(f"--model {wanted}: {where_to_get(wanted)}")
         if not path.is_file():
             known = ", ".join([*bundled, *BASELINES])
             raise WeightsError(f"--model {wanted}: no such weights file or bundled model; bundled are {known}")

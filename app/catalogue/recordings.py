@@ -314,7 +314,11 @@ class Catalogue:
         """Whether the visitor of a file is still here. An error where too much has been made of their files."""
         if entry.unpacking is not None:
             entry.unpacking.check_unpacked(entry.title)
-        return entry.kind != "upload" or entry.id in self._private
+        return not self._is_gone(entry)
+
+    def _is_gone(self, entry: Entry) -> bool:
+        """Whether a visitor has gone with their file, or the viewer is being stopped. Many may ask, and often."""
+        return self._closed.is_set() or (entry.kind == "upload" and entry.id not in self._private)
 
     def can_be_stated(self, entry: Entry) -> bool:
         """Whether a visitor may say what a file does not. Not where others come in: sorting loads all of it."""
@@ -360,13 +364,15 @@ class Catalogue:
         def is_cancelled() -> bool:
             return not self._is_wanted(entry)
 
-        if not made.exists() and self.is_strangers(entry):
-            from app.catalogue.video_apart import FootageApart
+        if not made.exists():
+            with self.films.turn(partial(self._is_gone, entry)):
+                if self.is_strangers(entry):
+                    from app.catalogue.video_apart import FootageApart
 
-            with closing(FootageApart(video, config, is_cancelled)) as footage:
-                simulate_footage(footage, made, config, progress, is_cancelled)
-        elif not made.exists():
-            simulate_video(video, made, config, progress, is_cancelled)
+                    with closing(FootageApart(video, config, is_cancelled)) as footage:
+                        simulate_footage(footage, made, config, progress, is_cancelled)
+                else:
+                    simulate_video(video, made, config, progress, is_cancelled)
         values = f"contrast {config.contrast:g}, noise {config.noise:g}"
         said = f"simulated from a video (ESIM, {values}); `etnet simulate --video` takes other values"
         return made, (Remark("assumed", said),)

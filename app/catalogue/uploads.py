@@ -47,23 +47,30 @@ class Uploads:
         """The visitor's folder, if `size` bytes more fit here at all; called under the lock."""
         if self._is_closed:
             raise UploadError("the viewer is being stopped")
-        if self._folder is None:
-            self._folder = PrivateFolder("etnet-uploads-")
+        found = self._found() or PrivateFolder("etnet-uploads-")
+        self._folder = found
         held = sum(each.num_bytes for each in self._desks.values())
-        left = min(self.limits.total_bytes - held, _free(self._folder))
+        left = min(self.limits.total_bytes - held, _free(found))
         if size > left:
             raise UploadError(
                 f"{in_megabytes(size)} do not fit: all visitors together have {in_megabytes(max(left, 0))} left here; "
                 "try again later, or start the viewer with --data FOLDER"
             )
-        folder = self._folder.path / desk.folder_name
+        folder = found.path / desk.folder_name
         folder.mkdir(exist_ok=True)
         return folder
+
+    def _found(self) -> PrivateFolder | None:
+        """Where files lie, if anywhere: some systems remove what nobody has touched for days among temporary files."""
+        if self._folder is not None and not self._folder.path.is_dir():
+            self._folder.close()
+            self._folder = None
+        return self._folder
 
     def left_unpacked(self) -> int:
         """Bytes that are left to all visitors for what is made of files; below 0 where it has more."""
         with self.lock:
-            desks, folder = tuple(self._desks.values()), self._folder
+            desks, folder = tuple(self._desks.values()), self._found()
         most = int(self.limits.growth * self.limits.total_bytes)
         left = most - sum(desk.unpacked_bytes for desk in desks)
         return left if folder is None else min(left, _free(folder))

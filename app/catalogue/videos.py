@@ -13,7 +13,7 @@ import re
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -50,6 +50,8 @@ _SETTING = re.compile(r"^(.*)~(\d\.\d\d)~(\d\.\d\d)~(\d{1,3})~(\d{3})$")
 _ENDS_WITHIN = 2.0
 """Seconds that the end of the viewer waits for simulations; they look between two frames whether they are wanted."""
 _LOW_PRIORITY = 10
+_ASK_EVERY = 0.2
+"""Seconds from one question whether a video that waits for its turn is wanted to the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +198,21 @@ class Videos:
             self._films[recording_id].watchers.add(visitor)
         self.watch(visitor, recording_id)
 
+    @contextlib.contextmanager
+    def turn(self, is_cancelled: Callable[[], bool]) -> Iterator[None]:
+        """One of `AT_ONCE`, in which a video is simulated; others wait for theirs.
+
+        Raises:
+            Cancelled: nobody wanted it any more before it had its turn.
+        """
+        while not self._turns.acquire(timeout=_ASK_EVERY):
+            _check_wanted(is_cancelled)
+        try:
+            _check_wanted(is_cancelled)
+            yield
+        finally:
+            self._turns.release()
+
     def shown(self, recording_id: str) -> VideoShown | None:
         """How far a film is; `None` where there is none of that id."""
         with self._lock:
@@ -273,9 +290,9 @@ class Videos:
         return found
 
     def _make(self, film: _Film) -> None:
-        film.cancelled.wait(QUIET)
-        with self._turns, contextlib.suppress(Cancelled):
-            film.video.run(partial(self._is_unwanted, film))
+        if not film.cancelled.wait(QUIET):
+            with contextlib.suppress(Cancelled), self.turn(film.cancelled.is_set):
+                film.video.run(partial(self._is_unwanted, film))
         if film.cancelled.is_set():
             film.path.unlink(missing_ok=True)
 
@@ -296,3 +313,8 @@ class Videos:
             film.cancelled.set()
             film.path.unlink(missing_ok=True)
             self._forget(recording_id)
+
+
+def _check_wanted(is_cancelled: Callable[[], bool]) -> None:
+    if is_cancelled():
+        raise Cancelled("nobody wants this simulation any more")

@@ -143,9 +143,10 @@ class VisitorUploads:
                 # Indices of a file lie beside it here, so that they go with it.
                 (folder / key / BESIDE).mkdir(parents=True)
                 begun = Transfer(self, title, folder / key / f"{key}{_suffix(name)}", size, f"upload-{key}")
-            except UploadError as error:
-                self.refuse(str(error))
-                raise
+            except (UploadError, OSError) as error:
+                refusal = error if isinstance(error, UploadError) else _not_stored(title, error)
+                self.refuse(str(refusal))
+                raise refusal from error
             self.num_bytes += size
             self._transfer, self._refused = begun, ""
         self.on_change("")
@@ -277,7 +278,7 @@ class Transfer:
         try:
             self._file.write(chunk)
         except OSError as error:
-            raise UploadError(f"{self.title}: cannot be stored here ({error.strerror}); try again later") from error
+            raise _not_stored(self.title, error) from error
         self.received += len(chunk)
         if time.monotonic() - self._told_at > TELL_EVERY:
             self._told_at = time.monotonic()
@@ -288,8 +289,13 @@ class Transfer:
         if self.received != self.size:
             raise UploadError(f"{self.title}: {self.received:,} of {self.size:,} bytes came; send it again")
         self._is_over = True
-        self._file.close()
-        said = f"yours, {size_of(self.path)}"
+        try:
+            self._file.close()  # writes what waits in memory
+            said = f"yours, {size_of(self.path)}"
+        except OSError as error:
+            refusal = _not_stored(self.title, error)
+            self._give_up(str(refusal))
+            raise refusal from error
         entry = Entry(self._id, self.title, "upload", said, self.path, unpacking=self._desk)
         self._desk.ended(self, entry)
         return entry.id
@@ -299,9 +305,17 @@ class Transfer:
         if self._is_over:
             return
         self._is_over = True
-        self._file.close()
+        self._give_up(why)
+
+    def _give_up(self, why: str) -> None:
+        with contextlib.suppress(OSError):  # what waits in memory may have no room; it is not wanted any more
+            self._file.close()
         self._desk.ended(self, None)
         self._desk.refuse(why)
+
+
+def _not_stored(title: str, error: OSError) -> UploadError:
+    return UploadError(f"{title}: cannot be stored here ({error.strerror}); try again later")
 
 
 def _size_beside(path: Path) -> int:

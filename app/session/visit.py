@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
+from app.catalogue.entries import under_its_name
 from app.catalogue.live import is_live_id
 from app.catalogue.recording_id import listed_id
 from app.catalogue.recordings import CatalogueError
@@ -110,13 +111,20 @@ class Visit:
         try:
             page = self._follow_session(recording_id)
         except EtnetError as error:
-            self.refuse("This session cannot be shown", str(error))
+            self.refuse("This session cannot be shown", self._in_names(error, recording_id))
             return state, ()
         if page is not None:
             page = replace(page, workspace=state.workspace, tab=state.tab, visit=state.visit)
             return page, (ask.FormChanged(),)  # what was kept may not fit together: each view's reducer sees it
         told = (view.name for view in self._views if view.opens_for(self._catalogue, recording_id))
         return state, (*self._booth.opened(recording_id, state), *map(ask.OpenTab, told))
+
+    def _in_names(self, error: EtnetError, recording_id: str) -> str:
+        """What went wrong with a file, without a folder, and by the name that its visitor gave it."""
+        try:
+            return str(under_its_name(error, self._catalogue.entry(recording_id)))
+        except CatalogueError as gone:
+            return str(gone)
 
     def hand_over(self, news: JobNews) -> tuple[Any, ...]:
         """Let the browser save a file that is made; what follows."""

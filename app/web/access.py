@@ -24,7 +24,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.web.guesses import Guesses
-from app.web.requests import Origin, RequestError, cookie_of, host_of, origin_of, query_of, the_only, url_of
+from app.web.requests import Origin, RequestError, cookies_of, host_of, origin_of, query_of, the_only, url_of
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
 COOKIE = "etnet_view"
@@ -146,13 +146,15 @@ class AccessControl:
 
     def _ask_for_token(self, query: dict[str, str], request: Request, port: int, address: str) -> Response | None:
         assert self.token is not None
-        if hmac.compare_digest(cookie_of(request.headers, cookie_name(port)).encode(), self._cookie().encode()):
-            return None
+        ours = self._cookie().encode()
+        for cookie in cookies_of(request.headers, cookie_name(port)):
+            if hmac.compare_digest(_encoded(cookie), ours):
+                return None
         given = query.get("token", "")
         if given:
             if not self.guesses.may_guess(address):
                 return answer(429, "too many wrong tokens came from your address; try again in a minute")
-            if hmac.compare_digest(given.encode("utf-8", "backslashreplace"), self.token.encode()):
+            if hmac.compare_digest(_encoded(given), self.token.encode()):
                 return None
             self.guesses.note_wrong(address)
         return answer(401, "this viewer needs its token: open the address that was printed when it started")
@@ -188,6 +190,11 @@ class AccessControl:
             if takes_gzip:
                 content, sent["Content-Encoding"] = _packed(content), "gzip"
         return answer(200, content, sent)
+
+
+def _encoded(text: str) -> bytes:
+    """What a visitor sent, whatever bytes it holds."""
+    return text.encode("utf-8", "backslashreplace")
 
 
 @lru_cache(maxsize=64)

@@ -13,6 +13,7 @@ import time
 from typing import ClassVar
 
 import numpy as np
+from websockets.exceptions import ConnectionClosed
 
 from app.catalogue.mirror import SENSOR, Mirror, MirrorError, Mirrors
 from app.web.endpoint import Endpoint, Line
@@ -46,16 +47,16 @@ class CameraEndpoint(Endpoint):
         except MirrorError as error:
             await line.refuse(str(error))
             return
-        trouble = ""
         try:
-            await line.say(go=[SENSOR.width, SENSOR.height])
-            await _take(line, mirror)
-            await line.say(over=True)
-        except EtnetError as error:
-            trouble = str(error)
-            await line.refuse(trouble)
-        finally:
-            mirror.end(trouble)
+            trouble = await _look(line, mirror)
+        except ConnectionClosed:
+            await asyncio.to_thread(mirror.end)
+            raise
+        except BaseException:
+            mirror.end()  # the loop is being stopped: no worker is to be had any more
+            raise
+        # It waits for the thread that looks on, and everybody else would wait with it.
+        await asyncio.to_thread(mirror.end, trouble)
 
 
 async def _ticket(line: Line) -> str:
@@ -65,6 +66,18 @@ async def _ticket(line: Line) -> str:
         raise MirrorError("nothing was said about the camera; load the page again") from None
     except (ValueError, TypeError, KeyError):
         raise MirrorError("what was said about the camera cannot be understood; load the page again") from None
+
+
+async def _look(line: Line, mirror: Mirror) -> str:
+    """Look on until it is over; why it ended early, or ""."""
+    try:
+        await line.say(go=[SENSOR.width, SENSOR.height])
+        await _take(line, mirror)
+        await line.say(over=True)
+    except EtnetError as error:
+        await line.refuse(str(error))
+        return str(error)
+    return ""
 
 
 async def _take(line: Line, mirror: Mirror) -> None:

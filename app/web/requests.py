@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from http.cookies import CookieError, SimpleCookie
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
@@ -67,10 +66,12 @@ def origin_of(text: str) -> Origin | None:
 
 
 def public_origin(address: str) -> Origin | None:
-    """The origin of a public URL, whatever path it has; `None` where it is no address of the web."""
+    """The origin that a public URL names; `None` where it is no address of the web, or one below the root."""
     try:
         parts = urlsplit(address)
     except ValueError:
+        return None
+    if parts.path not in ("", "/") or parts.query or parts.fragment:
         return None
     return origin_of(f"{parts.scheme}://{parts.netloc}")
 
@@ -102,12 +103,10 @@ def query_of(url: SplitResult) -> dict[str, str]:
         raise RequestError("too many fields in the address") from None
 
 
-def cookie_of(headers: Headers, name: str) -> str:
-    """One cookie's value; empty where there is none."""
-    jar: SimpleCookie = SimpleCookie()
+def cookies_of(headers: Headers, name: str) -> Iterator[str]:
+    """The values of all cookies of this name. Whatever others set on this host, or on one above it, is passed over."""
     for header in headers.get_all("Cookie"):
-        try:
-            jar.load(header[:LONGEST_COOKIES])
-        except (CookieError, ValueError):
-            continue
-    return jar[name].value if name in jar else ""
+        for cookie in header[:LONGEST_COOKIES].split(";"):
+            given, mark, value = cookie.partition("=")
+            if mark and given.strip() == name:
+                yield value.strip().removeprefix('"').removesuffix('"')

@@ -90,7 +90,9 @@ def start_server(
     """
     public = public_origin(address.public_url) if address.public_url else None
     if address.public_url and public is None:
-        raise AddressError(f"--public-url {address.public_url}: wanted an address such as https://show.example/viewer")
+        raise AddressError(
+            f"--public-url {address.public_url}: wanted an address such as https://show.example, without a path"
+        )
     if address.token == "":
         raise AddressError("an empty token lets everybody in; give one of your own, or none")
     guard = AccessControl(
@@ -134,14 +136,17 @@ def _welcome(
     server: viser.ViserServer, visit: Callable[[viser.ClientHandle], VisitorSession], most_visitors: int | None
 ) -> None:
     visits: dict[int, VisitorSession] = {}
+    admitted: set[int] = set()
+    """Who has a place: who was told to come later looks on, and has none."""
     upkeep = IdleMemory()
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
         upkeep.while_here(lambda: bool(server.get_clients()))
-        if most_visitors is not None and len(server.get_clients()) > most_visitors:
+        if most_visitors is not None and len(admitted) >= most_visitors:
             client.gui.add_html(f'<div class="etv-crowded"><b>Many are looking already</b><p>{CROWDED}</p></div>')
             return
+        admitted.add(client.client_id)
         # A session is built in a worker: laying out a page would hold up every other visitor's clicks.
         built = await asyncio.to_thread(visit, client)
         if client.client_id in server.get_clients():
@@ -151,6 +156,7 @@ def _welcome(
 
     @server.on_client_disconnect
     async def _(client: viser.ClientHandle) -> None:
+        admitted.discard(client.client_id)
         if (gone := visits.pop(client.client_id, None)) is not None:
             gone.close()
         upkeep.after_visit()

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.catalogue.entries import Entry
 from app.catalogue.recordings import Catalogue
+from app.catalogue.visitor import VisitorCatalogue
 from app.config import ViewerConfig
 from app.main import Viewer, main
 from app.session_file import config_of, handed_over, id_of, session_in, view_of
 from app.state.view_state import ViewState
 from app.views.inspect.state import Change, InspectState
-from etnet.errors import EtnetError
+from etnet.errors import EtnetError, RecordingError
 from etnet.events.assumptions import Assumptions
 from etnet.events.open import open_recording
 from etnet.events.opened_as import View
@@ -109,6 +111,45 @@ def test_a_session_that_is_handed_over_opens_its_recording_and_its_options_hold_
     assert catalogue.open(other.id).opened_as.view == View()
     with pytest.raises(EtnetError, match="open it first"):
         handed_over(taken / "s.json", [other], ViewState(), catalogue.models(), config)
+
+
+def test_a_session_of_a_recording_that_is_offered_and_not_here_says_what_to_do(taken):
+    config = ViewerConfig(model=str(taken / "mine.safetensors"))
+    absent = Entry("sample-walk", "walk.txt", "on demand", "", taken / "nowhere" / "walk.txt")
+    with pytest.raises(RecordingError, match=r"^walk\.txt: .*open it first"):
+        handed_over(taken / "s.json", [absent], ViewState(), Catalogue(config).models(), config)
+
+
+def _handed_over(desk, path):
+    content = path.read_bytes()
+    transfer = desk.begin(path.name, len(content))
+    transfer.take(content)
+    return transfer.finish()
+
+
+@pytest.mark.parametrize("others", [{"public_url": "http://show.example"}, {"demo": True}])
+def test_where_others_come_in_no_session_is_followed_and_nothing_of_it_is_opened(taken, monkeypatch, others):
+    opened = []
+
+    def open_here(path, **how):
+        opened.append(path)
+        raise RecordingError("opened in this process")
+
+    monkeypatch.setattr("etnet.events.open.open_recording", open_here)
+    weights = str(taken / "mine.safetensors")
+    config = ViewerConfig(model=weights, uploads=16, port=0, threads=1, cache="off", **others)
+    viewer = Viewer(config)
+    try:
+        desk = viewer.uploads.desk()
+        seen = VisitorCatalogue(viewer.catalogue, desk)
+        walk, session = (_handed_over(desk, taken / name) for name in ("walk.txt", "s.json"))
+        assert viewer._follow_session(config, seen, viewer.default, walk) is None
+        with pytest.raises(RecordingError, match="session files") as told:
+            viewer._follow_session(config, seen, viewer.default, session)
+        assert "etnet-view" in str(told.value)
+        assert desk.entries[1].path not in opened
+    finally:
+        viewer.stop()
 
 
 def test_a_path_that_cannot_be_opened_ends_the_viewer_before_it_serves(tmp_path, capsys):

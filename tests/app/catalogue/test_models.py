@@ -91,3 +91,10 @@ def test_weights_in_the_data_folder_are_offered_and_broken_ones_are_not(tmp_path
     with pytest.raises(WeightsError, match="not a weights file"):
         Catalogue(ViewerConfig(model=str(tmp_path / "deep" / "broken.safetensors")))
     assert Catalogue(ViewerConfig(model="leaky-integrator")).models()[0].id == "leaky-integrator"
+
+
+def test_a_published_network_that_is_not_bundled_is_told_where_its_weights_come_from():
+    with pytest.raises(WeightsError, match=r"^--model e2vid: .*rpg_e2vid.*etnet convert"):
+        Catalogue(ViewerConfig(model="e2vid"))
+    with pytest.raises(WeightsError, match="no such weights file"):
+        Catalogue(ViewerConfig(model="e2vidd"))

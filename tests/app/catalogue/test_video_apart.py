@@ -1,14 +1,20 @@
 """A stranger's video is decoded in a process of its own, to the bit, and what goes wrong there is one sentence."""
 
+import threading
+import time
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from app.catalogue import video_apart
+from app.catalogue.entries import Entry
+from app.catalogue.recordings import Catalogue
 from app.catalogue.video_apart import FootageApart
-from app.catalogue.videos import Videos
-from etnet.errors import Cancelled, RecordingError
+from app.catalogue.videos import AT_ONCE, Videos
+from app.config import ViewerConfig
+from etnet.errors import Cancelled, EtnetError, RecordingError
 from etnet.simulation.growing import GrowingVideo
 from etnet.simulation.video import VideoConfig, footage_of
 from tests.app.catalogue.test_opening_apart import children
@@ -124,3 +130,69 @@ def test_it_ends_with_its_visitor(video):
     with pytest.raises(Cancelled), apart(video, lambda: next(asked) > 5) as footage:
         list(footage)
     assert children() == []
+
+
+@pytest.fixture(params=["a stranger's", "one's own"])
+def parts(request, tmp_path, monkeypatch):
+    """Videos of which a part is shown, so that they are simulated first; and how many are at the same time."""
+    inside, most, lock, entered = [], [], threading.Lock(), threading.Semaphore(0)
+    is_strangers = request.param == "a stranger's"
+    others = {"public_url": "http://show.example", "uploads": 16} if is_strangers else {}
+    catalogue = Catalogue(ViewerConfig(downsample=2, **others))
+
+    def simulate(*given):
+        with lock:
+            inside.append(given)
+            most.append(len(inside))
+        entered.release()
+        for _ in range(20):
+            if len(inside) <= AT_ONCE:
+                time.sleep(0.02)
+        with lock:
+            inside.pop()
+        raise RecordingError("simulated")
+
+    monkeypatch.setattr("etnet.simulation.video.simulate_footage", simulate)
+    monkeypatch.setattr("etnet.simulation.video.simulate_video", simulate)
+    monkeypatch.setattr(video_apart, "FootageApart", lambda *given: SimpleNamespace(close=lambda: None))
+    for number in range(4):
+        (tmp_path / f"{number}.mp4").write_bytes(b"")
+        catalogue.take_in(Entry(f"upload-{number}", f"{number}.mp4", "upload", "", tmp_path / f"{number}.mp4"))
+    yield catalogue, most
+    catalogue.close()
+
+
+def failures(catalogue, count, act=lambda: None):
+    """What is said of so many videos that are opened at the same time, while `act` is done."""
+    said = []
+
+    def open_one(number):
+        try:
+            catalogue.open(f"upload-{number}")
+        except EtnetError as error:
+            said.append(error)
+
+    threads = [threading.Thread(target=open_one, args=(number,)) for number in range(count)]
+    for thread in threads:
+        thread.start()
+    act()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive()
+    return said
+
+
+def test_videos_of_which_a_part_is_shown_are_simulated_two_at_a_time_too(parts):
+    catalogue, most = parts
+    assert [str(error) for error in failures(catalogue, 4)] == ["simulated"] * 4
+    assert max(most) <= AT_ONCE
+
+
+@pytest.mark.parametrize("ends", ["visitor", "viewer"])
+def test_one_that_waits_for_its_turn_ends_with_its_visitor_and_with_the_viewer(parts, ends):
+    catalogue, most = parts
+    end = catalogue.close if ends == "viewer" else lambda: catalogue.let_go("upload-0")
+    with catalogue.films.turn(never), catalogue.films.turn(never):
+        (error,) = failures(catalogue, 1, end)
+    assert isinstance(error, EtnetError)
+    assert most == []

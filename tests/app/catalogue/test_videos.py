@@ -9,7 +9,7 @@ import torch
 
 from app.catalogue.recordings import Catalogue, CatalogueError
 from app.catalogue.uploads import UploadLimits, Uploads
-from app.catalogue.videos import KEPT, FilmSetting, Videos, film_id, is_simulated, split_id
+from app.catalogue.videos import AT_ONCE, KEPT, FilmSetting, Videos, film_id, is_simulated, split_id
 from app.catalogue.visitor import VisitorCatalogue
 from app.catalogue.visitor_uploads import MEGABYTE
 from app.config import ViewerConfig
@@ -107,6 +107,27 @@ def test_another_setting_ends_the_simulation_before_it(videos, tmp_path, monkeyp
     assert videos.forgotten == ["v"]
     with pytest.raises(EtnetError):
         videos.open("v")
+
+
+def test_settings_that_are_passed_over_while_they_wait_for_their_turn_are_never_simulated(videos, video, monkeypatch):  # noqa: F811
+    ran, free = [], threading.Event()
+
+    def run(film, is_cancelled):
+        ran.append(film.config.contrast)
+        assert free.wait(120)
+
+    monkeypatch.setattr("etnet.simulation.growing.GrowingVideo.run", run)
+    for number in range(AT_ONCE):
+        videos.begin(f"other {number}", f"w{number}", video, "long")
+    until(lambda: len(ran) == AT_ONCE)
+    try:
+        for tenths in range(3, 9):
+            videos.begin("one", f"v~0.{tenths}0~0.20~0~320", video, "drift")
+        until(lambda: sum(thread.is_alive() for thread in list(videos._threads)) == AT_ONCE + 1)
+    finally:
+        free.set()
+    until(lambda: len(ran) > AT_ONCE)
+    assert ran[AT_ONCE:] == [0.8]
 
 
 def test_no_simulation_goes_on_when_the_viewer_has_ended(tmp_path):

@@ -241,6 +241,23 @@ def test_one_visitor_too_many_is_told_and_gets_no_session():
     run(story, view=public_view, most_visitors=1)
 
 
+def test_one_who_was_told_to_come_later_takes_no_place_from_those_who_come_after():
+    async def story(viewer, browser):
+        await browser.until_shown(INVITED)
+        async with Browser.open(viewer.port, tab=None) as waiting:
+            await waiting.until(lambda: any("Many are looking" in str(props) for props in waiting.widgets.values()))
+            await browser._socket.close()
+            for _ in range(50):  # the first one's leaving may not be known yet
+                async with Browser.open(viewer.port, tab=8) as late:
+                    await late.until(lambda: late.widgets)
+                    if not any("Many are looking" in str(props) for props in late.widgets.values()):
+                        await late.until_shown(INVITED)
+                        break
+        assert len(viewer.sessions) == 2
+
+    run(story, view=public_view, most_visitors=1)
+
+
 def test_in_public_no_message_leads_out_of_the_demo():
     async def story(viewer, browser):
         await browser.until_shown(INVITED)

@@ -11,6 +11,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Request
 
+from app.config import ConfigError, ViewerConfig
 from app.html.assets import page_folder
 from app.web.access import AccessControl
 from app.web.guesses import MOST_WRONG, Guesses
@@ -161,7 +162,7 @@ def guarded(**more):
 def request(path="/", **headers):
     found = Headers()
     for name, value in {"Host": "localhost:8080", **headers}.items():
-        found[name] = value
+        found.set_insecure(name, value)  # as the parser does: a browser may send bytes that are no ASCII
     return Request(path, found)
 
 
@@ -178,8 +179,28 @@ def test_a_cookie_of_another_start_opens_nothing():
     assert second.refuse_or_answer(request(Cookie=cookie), 8080).status_code == 401
 
 
+FOREIGN = (
+    'prefs={"theme":"dark"}', "a=b c", "flag", "version=3", "=", "a=\udcc3\udca9", "\udcff", 'a="b', "expires=1; path",
+    "etnet_view_8080=another's", "etnet_view=1", "x" * 4000,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("foreign", FOREIGN)
+@pytest.mark.parametrize("order", ["{ours}; {foreign}", "{foreign}; {ours}", "{foreign};{ours}", "{foreign} ; {ours} "])
+def test_cookies_of_others_on_the_same_host_shut_nobody_out(foreign, order):
+    guard = guarded(token="t")
+    ours = guard.refuse_or_answer(request("/?token=t"), 8080).headers["Set-Cookie"].partition(";")[0]
+    assert guard.refuse_or_answer(request(Cookie=order.format(ours=ours, foreign=foreign)), 8080) is None
+    assert guard.refuse_or_answer(request(Cookie=foreign), 8080).status_code == 401
+
+
+@pytest.mark.parametrize("value", ['"\udcff"', "\udcff", '"\\377"', '"', ""])
+def test_a_cookie_that_is_no_text_is_a_wrong_one(value):
+    assert guarded(token="t").refuse_or_answer(request(Cookie=f"etnet_view_8080={value}"), 8080).status_code == 401
+
+
 def test_behind_https_the_cookie_is_secure_and_a_page_of_another_scheme_is_foreign():
-    guard = guarded(token="t", public=public_origin("https://show.example/viewer"))
+    guard = guarded(token="t", public=public_origin("https://show.example/"))
     answer = guard.refuse_or_answer(request("/?token=t", Host="show.example"), 8080)
     assert "Secure" in answer.headers["Set-Cookie"]
     assert "Secure" not in guard.refuse_or_answer(request("/?token=t"), 8080).headers["Set-Cookie"]
@@ -216,6 +237,19 @@ def test_where_it_listens_on_all_addresses_a_number_is_taken_and_a_name_is_not()
 @pytest.mark.parametrize("address", ["show.example", "ftp://show.example", "http://[", "https://a b", ""])
 def test_a_public_url_that_is_none_is_refused(address):
     assert public_origin(address) is None
+
+
+@pytest.mark.parametrize("below", ["viewer", "viewer/", "/", "?a=b", "#a"])
+def test_a_public_url_with_a_path_is_refused_for_the_viewer_answers_at_the_root_alone(below):
+    assert public_origin(f"https://show.example/{below}") is None
+    with pytest.raises(AddressError, match=r"https://show\.example, without a path"):
+        start_server(Address(public_url=f"https://show.example/{below}"), 0, lambda c: None)
+    with pytest.raises(ConfigError, match=r"https://show\.example, without a path"):
+        ViewerConfig(public_url=f"https://show.example/{below}")
+
+
+def test_a_public_url_may_end_with_its_slash():
+    assert ViewerConfig(public_url="https://show.example/").is_open
 
 
 def test_an_empty_token_lets_nobody_in():

@@ -147,6 +147,36 @@ def test_words_alone_do_not_keep_a_camera_on(monkeypatch):
     run(story)
 
 
+@pytest.mark.parametrize("last", ["leaves", "nonsense"])
+def test_nobody_waits_while_a_camera_ends(last):
+    ended = []
+
+    async def story(made, address):
+        mirror = made.mirror()
+        end = mirror.end
+
+        def end_and_tell(trouble=""):
+            ended.append((asyncio._get_running_loop() is None, trouble))
+            end(trouble)
+
+        mirror.end = end_and_tell
+        async with connect(address) as socket:
+            await socket.send(json.dumps({"ticket": mirror.ticket}))
+            await heard(socket)
+            if last == "nonsense":
+                await socket.send(b"")
+                assert "wanted" in (await heard(socket))["refused"]
+        for _ in range(500):
+            if ended and mirror.recording_id == "":
+                break
+            await asyncio.sleep(0.02)
+        (is_beside, trouble), *_ = ended
+        assert is_beside, "the event loop, and so every page, would stand still"
+        assert bool(trouble) == (last == "nonsense")
+
+    run(story)
+
+
 def test_one_more_than_there_is_room_for_is_told_so(monkeypatch):
     monkeypatch.setattr(CameraEndpoint, "most_connections", 1)
 
@@ -159,7 +189,8 @@ def test_one_more_than_there_is_room_for_is_told_so(monkeypatch):
         why = "many cameras"
         while "many cameras" in why:
             async with connect(address) as third:
-                await third.send(json.dumps({"ticket": "guessed"}))
+                with contextlib.suppress(ConnectionClosed):  # it may be refused before a word is said
+                    await third.send(json.dumps({"ticket": "guessed"}))
                 why = (await heard(third))["refused"]
 
     run(story)
