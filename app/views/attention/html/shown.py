@@ -195,6 +195,14 @@ def seen_of(page: Page) -> Seen | None:
     return seen if place is None else replace(seen, look=replace(look, query=place))
 
 
+def followed_place(page: Page) -> tuple[int, int] | None:
+    """Where the followed patch lies in the current window; `None` where none is followed, or it is not known."""
+    look, ready = look_of(page), page.ready
+    if look is None or ready is None:
+        return None
+    return Seen(page, page.state.of(AttentionState), look, ready).path.get(page.state.index)
+
+
 def shown_of(page: Page) -> Shown | None:
     """The maps of the newest frame that has them; `None` where `missing` says why."""
     seen = seen_of(page)
