@@ -162,10 +162,12 @@ def test_each_reason_comes_with_a_button_that_helps():
 ])  # fmt: skip
 def test_pixels_without_events_are_all_of_them_only_where_none_has_one(active, said):
     numbers = np.arange(active)
-    t = np.r_[numbers, 20_000].astype(np.int64)  # one event more, in a later window
-    x, y = np.r_[numbers % 40, 0].astype(np.uint16), np.r_[numbers // 40, 0].astype(np.uint16)
-    opened = recording_of_events(Events(x, y, t, np.ones(active + 1, np.int8), SENSOR), "still")
-    page = page_of(opened, ByDuration(10_000), 0)
+    t = np.r_[0, 11_000 + numbers, 25_000].astype(np.int64)  # an event in the window before, and one in that after
+    x, y = np.r_[0, numbers % 40, 0].astype(np.uint16), np.r_[0, numbers // 40, 0].astype(np.uint16)
+    opened = recording_of_events(Events(x, y, t, np.ones(active + 2, np.int8), SENSOR), "still")
+    page = page_of(opened, ByDuration(10_000), 1)
+    page = replace(page, moment=replace(page.moment, recording_id=f"still {active}"))
+    assert page.moment.window.num_events == active
     told = {finding.name: finding.text for finding in findings(page)}
     assert f"No events in {said} of the pixels" in told["static"]
 

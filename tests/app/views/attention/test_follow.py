@@ -139,7 +139,7 @@ def test_a_sheet_that_is_exported_has_the_maps_of_the_place_where_the_followed_p
         gui.widgets["Picture"].value = picture
         panel.show_settings(page)
         assert panel._chosen().pixel == pixel
-    panel.show_settings(page_at(loaded, INDEX + 1, AttentionState(site=SITE)))
+    panel.show_settings(replace(page, state=page.state.put(AttentionState(site=SITE))))
     gui.widgets["Picture"].value = "the whole layout"
     assert panel._chosen().pixel is None
 
