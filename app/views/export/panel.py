@@ -12,7 +12,7 @@ from app.html.choices import SPEEDS
 from app.html.elements import bar
 from app.state.intents import FormChanged
 from app.state.view_state import Limits
-from app.views.attention.html.shown import followed_place
+from app.views.attention.state import followed_place
 from app.views.compare.state import NAMES
 from app.views.events.state import EventsState
 from app.views.export.command import command_line_of, export_command

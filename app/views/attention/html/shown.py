@@ -19,7 +19,7 @@ from app.html.elements import empty
 from app.html.moment import ARRAYS
 from app.html.units import milliseconds
 from app.views.attention.jobs.site import SiteFacts, site_of_word
-from app.views.attention.state import AttentionState, look_of
+from app.views.attention.state import AttentionState, look_of, path_of
 from app.views.page import Page
 from app.views.stretch import Path
 
@@ -45,11 +45,7 @@ class Seen:
     @property
     def path(self) -> Path:
         """Where the followed patch lies in the windows around the current one, as far as that is known."""
-        result, anchor = self.found("path"), self.slice_.anchored(self.page.state.index)
-        job: Any = None if result is None else result.job
-        if result is None or result.value is None or (job.pixel, job.anchor) != (self.page.state.query, anchor):
-            return {}
-        return result.value
+        return path_of(self.page, self.ready)
 
     @property
     def is_lost(self) -> bool:
@@ -193,14 +189,6 @@ def seen_of(page: Page) -> Seen | None:
     seen = Seen(page, page.state.of(AttentionState), look, ready)
     place = seen.path.get(ready.request.index)
     return seen if place is None else replace(seen, look=replace(look, query=place))
-
-
-def followed_place(page: Page) -> tuple[int, int] | None:
-    """Where the followed patch lies in the current window; `None` where none is followed, or it is not known."""
-    look, ready = look_of(page), page.ready
-    if look is None or ready is None:
-        return None
-    return Seen(page, page.state.of(AttentionState), look, ready).path.get(page.state.index)
 
 
 def shown_of(page: Page) -> Shown | None:
