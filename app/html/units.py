@@ -35,7 +35,8 @@ def of_whole(share: float, digits: int = 0) -> str:
 
 
 def seconds(value: float, digits: int = 3) -> str:
-    """0.620 s, or 1 min 02.5 s for long ones."""
+    """0.620 s, or 1 min 02.5 s for long ones; no minute has 60 s."""
+    value = round(value, digits)
     if value < 60:
         return f"{value:.{digits}f} s".replace("-", "−")
     minutes, rest = divmod(value, 60)

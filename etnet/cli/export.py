@@ -66,6 +66,8 @@ class Pictures(Source):
     At each moment they show their window that ends nearest."""
     show: Literal["frames", "difference", "error"] = "frames"
     """Of several runs. difference: each minus the first. error: each minus the camera."""
+    camera_error: Annotated[Literal["A", "B", "C", "D"] | None, tyro.conf.arg(metavar="RUN")] = None
+    """The run (A is the first) whose error stands in the place of the camera's frame; with difference that is A."""
     frame_offset: float = 0.0
     """Milliseconds added to the camera frames' timestamps, before one is chosen."""
     scale: int = 1
@@ -340,7 +342,7 @@ def parse_queries(texts: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
 
 def _drawn(config: Pictures, take: Take, policy: Policy) -> tuple[Take, Look]:
     """What is drawn, with the runs beside it, and how."""
-    from etnet.cli.runs import Main, with_runs
+    from etnet.cli.runs import Main, error_place, with_runs
     from etnet.export.compared import Runs
     from etnet.export.pictures import Look, card_gamma
 
@@ -348,10 +350,13 @@ def _drawn(config: Pictures, take: Take, policy: Policy) -> tuple[Take, Look]:
     look = Look(config.panels, gamma, config.scale, config.stamps, config.tone, config.event_style)
     offset = round(config.frame_offset * 1000)
     if not config.also:
+        if config.camera_error is not None:
+            raise EtnetError("--camera-error names one of several runs; give those beside the first by --also")
         return replace(take, frame_offset=offset), look
     playback = take.playback
     main = Main(playback.recording, policy, playback.windows, config.model, config.device, config.precision, MEMORY)
     compared, titles = with_runs(take, main, config.also, offset)
     if config.gamma is not None:
         titles = tuple(replace(title, gamma=config.gamma) for title in titles)
-    return compared, replace(look, runs=Runs(titles, config.show, 0 if config.show == "difference" else None))
+    camera_error = error_place(config.camera_error, config.show, len(titles))
+    return compared, replace(look, runs=Runs(titles, config.show, camera_error))

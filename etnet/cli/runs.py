@@ -16,7 +16,7 @@ from etnet.events.recording import Recording
 from etnet.windows import Policy, Window, from_window, plan_windows
 
 if TYPE_CHECKING:
-    from etnet.export.compared import RunTitle
+    from etnet.export.compared import RunTitle, Sight
     from etnet.export.take import Beside, Take
 
 MOST_RUNS = 3
@@ -109,6 +109,18 @@ def _run_of(options: RunOptions, main: Main) -> tuple[Beside, RunTitle]:
     cleaning = parse_cleaning(options.filter) if options.filter is not None or opened is None else opened.cleaning
     title = title_of(model, policy, cleaning, options.cold_from, card_gamma(model))
     return Beside(playback, is_same_plan), title
+
+
+def error_place(letter: str | None, sight: Sight, num_runs: int) -> int | None:
+    """The place among the runs of the one whose error stands in the camera's place; `None` for the camera's frame."""
+    from etnet.export.compared import LETTERS
+
+    if letter is None:
+        return 0 if sight == "difference" else None
+    place = LETTERS.index(letter)
+    if place >= num_runs:
+        raise EtnetError(f"--camera-error is {letter}, and the last of {num_runs} runs is {LETTERS[num_runs - 1]}")
+    return place
 
 
 def _cold_at(recording: Recording, windows: Sequence[Window], seconds: float) -> int:

@@ -38,6 +38,8 @@ SAMPLE = str(next(path for path in samples() if path.stem == "prints"))
                 "error",
                 "--frame-offset",
                 "1.5",
+                "--camera-error",
+                "B",
             ],
         ),
         ("arrays", "a.npz", ["--what", "frames", "attention", "--queries", "120,90"]),
@@ -103,6 +105,14 @@ def test_queries_are_pixels():
 )  # fmt: skip
 def test_a_run_is_told_in_one_word_of_the_shell(text, wanted):
     assert parse_run(text) == wanted
+
+
+def test_an_error_of_a_run_that_is_not_there_is_one_line(tmp_path, weights, capsys):
+    line = ["export", "gif", SAMPLE, "-o", str(tmp_path / "g.gif"), "--model", str(weights), "--range", "1:3"]
+    assert main([*line, "--camera-error", "A"]) == 1
+    assert "--also" in capsys.readouterr().err
+    assert main([*line, "--camera-error", "C", "--also", ""]) == 1
+    assert "the last of 2 runs is B" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

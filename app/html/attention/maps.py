@@ -241,8 +241,11 @@ def map_legend(look: AttentionLook, highest: float = HIGHEST) -> str:
 def map_ends(look: AttentionLook) -> tuple[str, str]:
     """What the lowest and the highest colour of the maps stand for."""
     low = "0" if look.is_linear else fraction(LOWEST)
-    is_shared = look.map_range == "shared" and look.direction == "attends to"
-    return (f"{low} x", f"{HIGHEST:g} x uniform") if is_shared else (low, "each map's maximum")
+    if look.map_range == "per map":
+        return low, "each map's maximum"
+    if look.direction == "attended by":
+        return f"{low} x", "each map's maximum, rounded up to a power of 2"
+    return f"{low} x", f"{HIGHEST:g} x uniform"
 
 
 def base_url(ready: Ready, attention: Attention, tones: Tones, pixels: int = BASE_PIXELS) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast, get_args
 
-from app.engine.requests import FrameRequest
+from app.engine.requests import FrameRequest, Ready
 from app.html.attention.look import (
     MOST_HEADS,
     SITE_PATTERN,
@@ -28,6 +28,7 @@ from app.views.view import Here
 
 if TYPE_CHECKING:
     from app.views.page import Page
+    from app.views.stretch import Path
 
 Pin = Literal["a", "b"]
 Shelf = Literal["similarity", "pca"]
@@ -323,3 +324,17 @@ def look_in(state: ViewState, is_linear_light: bool) -> AttentionLook | None:
 def look_of(page: Page) -> AttentionLook | None:
     """How a visitor looks at the attention of the page's network."""
     return look_in(page.state, page.model.is_linear_light)
+
+
+def path_of(page: Page, ready: Ready) -> Path:
+    """Where the followed patch lies in the windows around the current one, as far as it is known of a frame's plan."""
+    result, anchor = page.results.get("attention.path"), page.state.of(AttentionState).anchored(page.state.index)
+    job: Any = None if result is None else result.job
+    if result is None or result.value is None or job.request.playback != ready.request.playback:
+        return {}
+    return result.value if (job.pixel, job.anchor) == (page.state.query, anchor) else {}
+
+
+def followed_place(page: Page) -> tuple[int, int] | None:
+    """Where the followed patch lies in the current window; `None` where none is followed, or it is not known."""
+    return None if page.ready is None else path_of(page, page.ready).get(page.state.index)

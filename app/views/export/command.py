@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from app.html.moment import Moment
 from app.state.view_state import ViewState
-from app.views.compare.state import CompareState
-from app.views.export.runs import SIGHTS
+from app.views.compare.state import NAMES, CompareState
+from app.views.export.runs import SIGHTS, camera_error_of
 from app.views.export.state import ExportFormat, OrderedRun, StartExport, arrays_of
 from app.views.page import Page
 from etnet.events.assumptions import Assumptions
@@ -104,12 +104,8 @@ def _range(wanted: StartExport, moment: Moment) -> list[str]:
         return ["--range", f"{moment.index}:{moment.index + 1}"]
     if wanted.first is None and wanted.last is None:
         return []
-    start, windows = moment.recording.span.start, moment.windows
-    first = windows[wanted.first or 0].t_start
-    words = ["--from", _seconds(first - start)] if wanted.first else []
-    if wanted.last is not None and wanted.last < len(windows) - 1:
-        words += ["--to", _seconds(windows[max(wanted.last, wanted.first or 0)].t_stop - start)]
-    return words
+    first, last = wanted.first or 0, len(moment.windows) - 1 if wanted.last is None else wanted.last
+    return ["--range", f"{first}:{max(first, last) + 1}"]
 
 
 def _look(wanted: StartExport, query: tuple[int, int] | None, tone: Tone, style: EventStyle) -> Iterator[str]:
@@ -141,6 +137,9 @@ def _compared(wanted: StartExport, moment: Moment, line: CommandLine, compare: C
         yield from (_run_text(each, moment, line) for each in wanted.runs[1:])
     if SIGHTS[compare.sight] != "frames":
         yield from ("--show", SIGHTS[compare.sight])
+    place = camera_error_of(compare, tuple(each.number for each in wanted.runs))
+    if place is not None and (place or compare.sight != "difference") and "camera" in wanted.panels:
+        yield from ("--camera-error", NAMES[place])  # the command line's runs have no gaps between their letters
     if compare.offset:
         yield from ("--frame-offset", f"{compare.offset / 1000:g}")
 

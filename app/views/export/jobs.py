@@ -27,7 +27,7 @@ from app.views.events.state import EventsState
 from app.views.export.relay import Desk, Relay
 from app.views.export.runs import SIGHTS, camera_error_of
 from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order, arrays_of
-from app.views.inspect.state import NO_CHANGE
+from app.views.inspect.state import NO_CHANGE, InspectState, changed_request
 from app.views.reconstruction.state import ReconstructionState
 from etnet.errors import EtnetError
 from etnet.files import in_megabytes
@@ -161,7 +161,7 @@ def _refuse_what_passes(recording: Recording, policy: Policy) -> None:
 
 
 def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 3"]:
-    """What the page shows of the moment, drawn as it draws it, of the network and the events unchanged."""
+    """What the page shows of the moment, drawn as it draws it, with what is changed in the network and its events."""
     from app.html.moment import Moment
     from app.views.attention.state import look_in
     from app.views.export.sheet import sheet_picture
@@ -172,22 +172,18 @@ def _sheet(order: Order, view: ViewState, take: Take) -> UInt8[np.ndarray, "h w 
     taken = next(take.moments(None if view.query is None else AttentionProbe()))
     card = getattr(take.playback.model, "card", {})
     is_linear_light = bool(card) and card.get("target_tone", "linear") == "linear"
-    request = FrameRequest(
-        order.recording_id,
-        order.model_id,
-        order.precision,
-        order.policy,
-        order.index,
-        view.query is not None,
-        cleaning=order.cleaning,
-    )
-    contract = contract_of(take.playback.model)
-    ready = Ready(request, taken.frame, taken.step.attention, 0.0, True, False, False, contract, order.index)
+    asked = order.recording_id, order.model_id, order.precision, order.policy, order.index, view.query is not None
+    plain = FrameRequest(*asked, cleaning=order.cleaning)
+    request, began_at = changed_request(InspectState(change=order.change), plain), take.playback.first
+    is_exact, contract = request.is_original and began_at == 0, contract_of(take.playback.model)
+    found = taken.frame, taken.step.attention
+    ready = Ready(request, *found, 0.0, is_exact, False, False, contract, order.index, began_at)
     moment = Moment(
         order.recording_id, order.policy, order.index, take.recording, take.playback.windows, order.cleaning
     )
     network = getattr(take.playback.model, "name", order.model_id)
     look, tones = look_in(view, is_linear_light), tones_in(view, is_linear_light)
+    look = look if look is None else replace(look, query=order.wanted.pixel or look.query)
     return sheet_picture(order.wanted.sheet, moment, ready, network, look, tones, view.of(EventsState).event_image)
 
 

@@ -12,6 +12,7 @@ from app.html.choices import SPEEDS
 from app.html.elements import bar
 from app.state.intents import FormChanged
 from app.state.view_state import Limits
+from app.views.attention.state import followed_place
 from app.views.compare.state import NAMES
 from app.views.events.state import EventsState
 from app.views.export.command import command_line_of, export_command
@@ -83,6 +84,7 @@ class ExportPanel(Panel):
     def build_settings(self, gui: viser.GuiApi, dispatch: Dispatch) -> None:
         """Widgets hold the choice until it is made; what is being made stands in the view."""
         self._runs: tuple[OrderedRun, ...] = ()
+        self._followed: tuple[int, int] | None = None
         Html(gui, _LINK)
         self._format = gui.add_dropdown("Format", tuple(FORMATS))
         self._panels = gui.add_dropdown("Pictures", tuple(PANELS))
@@ -111,7 +113,7 @@ class ExportPanel(Panel):
 
     def show_settings(self, page: Page) -> None:
         """Offer what suits the choice, and say how far it has come."""
-        self._runs = ordered_runs(page)
+        self._runs, self._followed = ordered_runs(page), followed_place(page)
         self._offer_panels(page)
         format = FORMATS.get(self._format.value, "mp4")
         is_drawn = format in MOVING or (format == "png" and self._picture.value not in SHEETS)
@@ -162,7 +164,8 @@ class ExportPanel(Panel):
         arrays: tuple[ArrayName, ...] = tuple(name for name, handle in self._arrays.items() if handle.value)
         stamps = bool(self._has_stamps.value)
         runs = self._runs if format in DRAWN and sheet == "panels" else ()
-        return StartExport(format, None, None, panels, speed, stamps, scale, fps, arrays, sheet, runs)
+        pixel = None if sheet == "panels" else self._followed
+        return StartExport(format, None, None, panels, speed, stamps, scale, fps, arrays, sheet, pixel, runs)
 
 
 def _news(page: Page, is_made: bool, wanted: StartExport | None) -> str:

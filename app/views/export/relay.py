@@ -69,6 +69,7 @@ class Relay:
         self._desk, self._loaded, self._request, self._change = desk, loaded, request, change
         playback: Playback = loaded.playback
         self.recording, self.windows, self.model = playback.recording, playback.windows, playback.model
+        self.first = playback.first
         self._playback = playback
 
     def __len__(self) -> int:

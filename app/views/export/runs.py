@@ -33,6 +33,6 @@ def ordered_runs(page: Page) -> tuple[OrderedRun, ...]:
 def camera_error_of(compare: CompareState, numbers: tuple[int, ...]) -> int | None:
     """The place among `numbers` of the run whose error stands in the camera's place."""
     chosen = None if compare.camera == "frame" else NAMES.index(compare.camera)
-    if chosen is not None:
-        return numbers.index(chosen) if chosen in numbers else None
+    if chosen in numbers:
+        return numbers.index(chosen)
     return 0 if compare.sight == "difference" else None

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from app.engine.requests import Ready
+from app.html.attention.changed import change_words
 from app.html.attention.maps import AttentionLook, Site, head_words, map_ends, over_frame, row_of
 from app.html.moment import NUM_BINS, Moment
 from app.html.pictures import Tones, camera_image, event_picture, reconstruction_image
@@ -58,6 +59,7 @@ def sheet_picture(
         f"{moment.recording.sensor} px",
         f"{network}, {ready.contract.runtime.precision}",
     ]
+    facts += [] if ready.request.is_original else [change_words(*ready.request.change[:2])]
     return board(moment.recording.name, "    ".join(facts), sections)
 
 

@@ -63,6 +63,8 @@ class StartExport:
     """Attention is that of the chosen pixel, and left out while there is none."""
     sheet: Sheet = "panels"
     """Of a picture of one moment."""
+    pixel: tuple[int, int] | None = None
+    """Of which pixel a sheet's maps are; `None`: of the chosen one. One that is followed lies elsewhere by now."""
     runs: tuple[OrderedRun, ...] = ()
     """The runs that are compared, each with its name where the reconstruction would stand; empty for the page's own."""
 

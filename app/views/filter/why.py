@@ -122,7 +122,8 @@ def _motion(moment: Moment) -> Iterator[Finding]:
     share = _active(moment)
     if share >= STILL:
         return
-    text = f"No events in {of_whole(1 - share)} of the pixels: nothing moved there."
+    quiet = "more than 99 %" if 0 < share < 0.01 else of_whole(1 - share)
+    text = f"No events in {quiet} of the pixels: nothing moved there."
     curve = curve_of(moment)
     moves = (curve.indices > moment.index) & (curve.rates > np.median(curve.rates))
     later = curve.indices[moves].tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from app.engine.jobs import Job
 from app.engine.requests import FrameRequest
 from app.state.view_state import ViewState
 from app.views.own.jobs import step_jobs
-from app.views.own.values import OwnView
+from app.views.own.values import OwnView, is_slider
 from app.views.view import EXPERT, View
 from etnet.errors import EtnetError
 
@@ -49,7 +50,7 @@ def _view_of(source: Path | str | Callable[..., Any]) -> View:
     if callable(source):
         name = getattr(source, "__name__", "view")
         path = getattr(getattr(source, "__code__", None), "co_filename", "")
-        widgets, probe = dict(getattr(source, "widgets", {})), bool(getattr(source, "probe", False))
+        widgets, probe = _widgets_of(source, name), bool(getattr(source, "probe", False))
         return _short_form(OwnView(_title(name), path, source, widgets, probe))
     path = Path(source)
     module = _run(path)
@@ -60,8 +61,25 @@ def _view_of(source: Path | str | Callable[..., Any]) -> View:
     if not callable(show):
         raise OwnViewError(f"{path.name}: defines neither show(moment) nor VIEW; docs/own_view.md has an example")
     title = str(getattr(module, "title", _title(path.stem)))
-    widgets, probe = dict(getattr(module, "widgets", {})), bool(getattr(module, "probe", False))
+    widgets, probe = _widgets_of(module, path.name), bool(getattr(module, "probe", False))
     return _short_form(OwnView(title[:40], str(path), show, widgets, probe))
+
+
+def _widgets_of(source: object, called: str) -> dict[str, Any]:
+    """What a file or a function declares; what no page can show is refused here, where one line says why."""
+    declared = getattr(source, "widgets", {})
+    if not isinstance(declared, Mapping) or not all(isinstance(name, str) for name in declared):
+        raise OwnViewError(f"{called}: widgets is {declared!r}; wanted a dict of names and first values")
+    for name, first in declared.items():
+        if not is_slider(first):
+            continue
+        low, high, value = first
+        if not (math.isfinite(high - low) and low < high and low <= value <= high):
+            raise OwnViewError(
+                f"{called}: widget {name} is {first!r}; three numbers are a slider (from, to, first value), and the "
+                f"first value lies between the other two; for a list write texts, {tuple(map(str, first))!r}"
+            )
+    return dict(declared)
 
 
 def _run(path: Path) -> Any:

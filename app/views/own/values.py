@@ -81,3 +81,12 @@ class OwnView:
     widgets: dict[str, Any]
     probe: bool = False
     """Whether it asks for the network's step, with its attention."""
+
+
+def is_slider(first: object) -> bool:
+    """Whether a widget's first value is three numbers: from, to, and the first value."""
+    return (
+        isinstance(first, list | tuple)
+        and len(first) == 3
+        and all(isinstance(part, int | float) and not isinstance(part, bool) for part in first)
+    )

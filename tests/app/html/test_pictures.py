@@ -184,7 +184,18 @@ def test_another_moment_is_another_picture(moment):
 
 @pytest.mark.parametrize(
     ("value", "digits", "words"),
-    [(59.5, 1, "59.5 s"), (100, 0, "1 min 40 s"), (62.5, 1, "1 min 02.5 s"), (150, 2, "2 min 30.00 s")],
+    [
+        (59.5, 1, "59.5 s"),
+        (100, 0, "1 min 40 s"),
+        (62.5, 1, "1 min 02.5 s"),
+        (150, 2, "2 min 30.00 s"),
+        (119.96, 1, "2 min 00.0 s"),
+        (119.9996, 3, "2 min 00.000 s"),
+        (59.9996, 3, "1 min 00.000 s"),
+        (59.6, 0, "1 min 00 s"),
+        (119.94, 1, "1 min 59.9 s"),
+        (-3.25, 2, "−3.25 s"),
+    ],
 )
 def test_long_times_are_told_in_minutes_and_seconds_of_two_digits(value, digits, words):
     assert seconds(value, digits) == words

@@ -20,6 +20,7 @@ from app.views.compare.html.stage import pictures_html
 from app.views.compare.state import CompareState
 from app.views.recording.html.fitness import fitness_html
 from etnet.events.fitness import Activity, Fitness, Lag, Thresholds
+from etnet.stretch import windows_between
 from etnet.windows import BetweenFrames, plan_windows
 from tests.app.stand_ins import CONTRACT, SENSOR, recording
 
@@ -137,9 +138,20 @@ def test_means_are_over_the_frames_that_all_runs_have(moment):
 
 def test_means_between_two_marks_are_over_the_frames_between_them(moment):
     each = series(moment, 0, [0.1, 0.2, 0.3, 0.4])
-    between = within(each, int(each.stamps[1]), int(each.stamps[2]))
+    first, last = moment.windows[1], moment.windows[2]
+    between = within(each, first.t_start, last.t_stop)  # a window's mark is its beginning, where the one before ends
+    assert between.stamps.tolist() == [first.t_stop, last.t_stop]
     assert between.keys.tolist() == [2, 3]
     assert mean_over(between, "lpips", common_keys([between])) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 2), (0, 3), (2, 2), (None, 2), (3, None)])
+def test_means_between_two_marks_are_over_the_windows_that_loop_trim_and_export_take(moment, first, last):
+    each = series(moment, 0, np.linspace(0.1, 0.9, len(moment.windows)))
+    begin = None if first is None else moment.windows[first].t_start
+    end = None if last is None else moment.windows[last].t_stop
+    taken = [moment.windows[index].t_stop for index in windows_between(moment.windows, begin, end)]
+    assert within(each, begin, end).stamps.tolist() == taken
 
 
 def test_means_are_grey_until_nothing_more_comes(moment):

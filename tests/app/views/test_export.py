@@ -11,7 +11,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import av
-import cv2
 import numpy as np
 import pytest
 
@@ -22,7 +21,6 @@ from app.engine.requests import FrameRequest
 from app.html.provenance import ModelFacts
 from app.state.run import Run
 from app.state.view_state import Limits, ViewState
-from app.views.attention.state import AttentionState
 from app.views.compare.state import CompareState
 from app.views.export.jobs import ExportJob, export_jobs
 from app.views.export.runs import camera_error_of, ordered_runs
@@ -189,29 +187,6 @@ def test_a_picture_is_of_the_window_that_was_on_show():
     assert a.content.startswith(b"\x89PNG")
     other = ExportJob(reduce(replace(STATE, index=0), StartExport("png"), Limits()).of(ExportState).order)
     assert made(other).content != a.content
-
-
-def sheet(name, query=STATE.query, head=None):
-    state = replace(STATE, query=query).put(AttentionState(head=head))
-    content = made(ExportJob(reduce(state, StartExport("png", sheet=name), Limits()).of(ExportState).order)).content
-    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-
-
-def test_the_whole_layout_holds_the_bins_and_the_maps_and_each_is_to_be_had_alone():
-    heights = {name: sheet(name).shape[0] for name in ("layout", "voxels", "attention")}
-    assert heights["layout"] > heights["attention"] > heights["voxels"]
-    assert {sheet(name).shape[1] for name in heights} == {1680}
-    assert sheet("layout", query=None).shape[0] < heights["layout"]
-
-
-def test_maps_are_those_of_the_head_on_show():
-    assert not np.array_equal(sheet("attention"), sheet("attention", head=0))
-    assert np.array_equal(sheet("voxels"), sheet("voxels", head=0))
-
-
-def test_maps_without_a_pixel_are_refused_with_what_to_do():
-    with pytest.raises(EtnetError, match="choose a pixel"):
-        sheet("attention", query=None)
 
 
 def test_a_step_that_had_to_give_way_is_made_after_it_and_nothing_differs():

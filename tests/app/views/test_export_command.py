@@ -13,10 +13,11 @@ from app.state.run import Run
 from app.state.view_state import ViewState
 from app.views.compare.state import CompareState
 from app.views.export.command import CommandLine, export_command, policy_text
+from app.views.export.runs import camera_error_of
 from app.views.export.state import OrderedRun, StartExport
 from etnet.cli.export import Arrays, Csv, Export, Frames, Gif, Video, chosen_range, parse_range
 from etnet.cli.policy import parse_policy
-from etnet.cli.runs import RunOptions, parse_run
+from etnet.cli.runs import RunOptions, error_place, parse_run
 from etnet.events.assumptions import Assumptions
 from etnet.events.cleaning import UNCLEANED, Cleaning
 from etnet.events.opened_as import OpenedAs, View
@@ -86,6 +87,31 @@ def test_the_runs_beside_are_in_the_command_with_what_makes_them_differ():
         RunOptions("etnet-half", filter="none"),
     ]
     assert (got.show, got.frame_offset) == ("difference", -2.5)
+
+
+@pytest.mark.parametrize(("sight", "camera", "place"), [
+    ("side by side", "frame", None), ("side by side", "A", 0), ("side by side", "C", 2), ("error", "B", 1),
+    ("difference", "frame", 0), ("difference", "B", 1),
+])  # fmt: skip
+def test_the_command_draws_the_error_that_stands_in_the_cameras_place(sight, camera, place):
+    request = FrameRequest("a", "m", "fp32", WINDOWS, 3)
+    runs = tuple(OrderedRun(request, source="etnet-half", number=number) for number in range(3))
+    compare = CompareState(sight=sight, camera=camera)
+    assert camera_error_of(compare, (0, 1, 2)) == place
+    wanted = StartExport("gif", panels=("reconstruction", "camera"), runs=runs)
+    words = shlex.split(export_command(wanted, moment(), RUN, None, "out", shown=ViewState().put(compare)))
+    got = tyro.cli(Export, args=words[2:])
+    assert error_place(got.camera_error, got.show, len(runs)) == place
+
+
+@pytest.mark.parametrize("policy", [ByDuration(20_000, 5_000), ByDuration(16_000), ByCount(100)])
+def test_the_command_takes_the_windows_between_the_marks_also_where_they_overlap(policy):
+    recording = made_up_recording()
+    windows = plan_windows(recording, policy)
+    at = Moment("a", policy, 3, recording, windows)
+    for first, last in ((0, 0), (3, 7), (0, 4), (5, len(windows) - 1), (2, None), (None, 6)):
+        stretch = first or 0, (len(windows) - 1 if last is None else last) + 1
+        assert chosen_range(parsed(StartExport("csv", first, last), at), recording, windows) == stretch
 
 
 def test_what_was_stated_of_a_file_and_how_it_is_seen_is_stated_again():

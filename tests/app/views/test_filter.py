@@ -157,6 +157,21 @@ def test_each_reason_comes_with_a_button_that_helps():
     assert parse(f"pick|{told['offset'].key}|0|0|1", VIEWS) == ask.Set("compare", "offset", "8000", is_word=True)
 
 
+@pytest.mark.parametrize(("active", "said"), [
+    (0, "100 %"), (1, "more than 99 %"), (11, "more than 99 %"), (12, "99 %"), (23, "98 %"),
+])  # fmt: skip
+def test_pixels_without_events_are_all_of_them_only_where_none_has_one(active, said):
+    numbers = np.arange(active)
+    t = np.r_[0, 11_000 + numbers, 25_000].astype(np.int64)  # an event in the window before, and one in that after
+    x, y = np.r_[0, numbers % 40, 0].astype(np.uint16), np.r_[0, numbers // 40, 0].astype(np.uint16)
+    opened = recording_of_events(Events(x, y, t, np.ones(active + 2, np.int8), SENSOR), "still")
+    page = page_of(opened, ByDuration(10_000), 1)
+    page = replace(page, moment=replace(page.moment, recording_id=f"still {active}"))
+    assert page.moment.window.num_events == active
+    told = {finding.name: finding.text for finding in findings(page)}
+    assert f"No events in {said} of the pixels" in told["static"]
+
+
 def test_statistics_of_another_filter_say_nothing():
     opened, policy = recording(), ByCount(400)
     request = FrameRequest("a", "m", "fp32", policy, 3)

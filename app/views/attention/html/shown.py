@@ -19,7 +19,7 @@ from app.html.elements import empty
 from app.html.moment import ARRAYS
 from app.html.units import milliseconds
 from app.views.attention.jobs.site import SiteFacts, site_of_word
-from app.views.attention.state import AttentionState, look_of
+from app.views.attention.state import AttentionState, look_of, path_of
 from app.views.page import Page
 from app.views.stretch import Path
 
@@ -45,11 +45,7 @@ class Seen:
     @property
     def path(self) -> Path:
         """Where the followed patch lies in the windows around the current one, as far as that is known."""
-        result, anchor = self.found("path"), self.slice_.anchored(self.page.state.index)
-        job: Any = None if result is None else result.job
-        if result is None or result.value is None or (job.pixel, job.anchor) != (self.page.state.query, anchor):
-            return {}
-        return result.value
+        return path_of(self.page, self.ready)
 
     @property
     def is_lost(self) -> bool:

@@ -108,12 +108,12 @@ def common_keys(series: Sequence[Series]) -> Int64[np.ndarray, " n"]:
 
 
 def within(each: Series, start: int | None, stop: int | None) -> Series:
-    """A series between two stamps (µs) alone; `None` is open."""
+    """A series between two stamps (µs) alone, with the frames that `windows_between` has; `None` is open."""
     if start is None and stop is None:
         return each
-    low = np.iinfo(np.int64).min if start is None else start
+    low = np.iinfo(np.int64).min if start is None else start  # the end of the window before the first
     high = np.iinfo(np.int64).max if stop is None else stop
-    keeps = (each.stamps >= low) & (each.stamps <= high)
+    keeps = (each.stamps > low) & (each.stamps <= high)
     return Series(
         each.run,
         each.stamps[keeps],

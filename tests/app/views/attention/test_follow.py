@@ -18,6 +18,7 @@ from app.views.attention.html.stage import stage_html
 from app.views.attention.jobs.attention import attention_jobs
 from app.views.attention.jobs.time import CurveJob, PathJob
 from app.views.attention.state import AttentionState, PinMap, hear, reduce_attention
+from app.views.export.panel import ExportPanel
 from app.views.inspect.jobs.inspect import inspect_jobs
 from app.views.inspect.state import InspectState
 from app.views.page import Page
@@ -27,6 +28,7 @@ from etnet.events.events import Sensor
 from etnet.inspection import follow
 from etnet.windows import ByCount
 from tests.app.checked_html import Checker
+from tests.app.fake_gui import FakeGui
 from tests.app.small_loaded import POLICY, QUERY, SITE, request_of, whole
 from tests.app.views.attention.small_page import INDEX, STATE, ready_of
 from tests.app.views.attention.test_lines import moving
@@ -119,6 +121,27 @@ def test_a_pin_of_a_followed_patch_is_of_the_pixel_where_it_lies():
     assert hear("pin:a:x,2") is None
     slice_ = reduce_attention(FOLLOWED, PinMap("a", (23, 9)), Here(STATE, Limits()))
     assert slice_.pin_a.query == (23, 9)
+
+
+def test_a_sheet_that_is_exported_has_the_maps_of_the_place_where_the_followed_patch_lies(loaded, monkeypatch):
+    monkeypatch.setattr(follow, "follow", moving)
+    page = page_at(loaded, INDEX + 1)
+    place = (QUERY[0] + 3, QUERY[1])
+    assert shown_of(page).look.query == place
+    panel, gui = ExportPanel(), FakeGui()
+    panel.build_settings(gui, lambda _: None)
+    gui.widgets["Format"].value = "Picture of this window (PNG)"
+    for picture, pixel in (
+        ("attention maps of the pixel", place),
+        ("the whole layout", place),
+        ("reconstruction", None),
+    ):
+        gui.widgets["Picture"].value = picture
+        panel.show_settings(page)
+        assert panel._chosen().pixel == pixel
+    panel.show_settings(replace(page, state=page.state.put(AttentionState(site=SITE))))
+    gui.widgets["Picture"].value = "the whole layout"
+    assert panel._chosen().pixel is None
 
 
 @pytest.mark.parametrize("anchor", [0, INDEX, 7])

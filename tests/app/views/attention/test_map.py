@@ -11,7 +11,7 @@ from app.engine.network_parts import NetworkPartsJob, network_parts
 from app.html.attention.changed import changed_at
 from app.html.attention.keep import kept
 from app.html.attention.look import AttentionLook
-from app.html.attention.maps import attention_image, level_of, map_legend, rows_of, tokens_of
+from app.html.attention.maps import attention_image, level_of, map_ends, map_legend, rows_of, tokens_of
 from app.html.controls import percent
 from app.html.pictures import Tones
 from app.state.view_state import ViewState
@@ -80,6 +80,9 @@ def test_a_column_has_a_range_of_its_own_and_scale_ends_say_where_they_clip():
     assert "≤ 1/4 ×" in map_legend(look)
     assert "≥" not in map_legend(received, 4.0)
     assert "received" in map_legend(received, 4.0)
+    assert map_ends(look) == ("1/4 x", "32 x uniform")
+    assert map_ends(received) == ("1/4 x", "each map's maximum, rounded up to a power of 2")
+    assert map_ends(replace(received, map_range="per map"))[1] == "each map's maximum"
 
 
 def test_what_is_changed_is_named_on_the_map_that_is_muted(loaded, page_of):
