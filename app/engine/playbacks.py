@@ -306,10 +306,10 @@ class PlaybackCache:
     def try_kernels(self) -> None:
         """Measure what is not known yet, beside the engine, for two seconds at most."""
         if self._untried is not None:
-            from etnet.nets.tuning import tune
+            from etnet.nets.tuning import begin_trial
 
             untried, self._untried = self._untried, None
-            tune(*untried)
+            begin_trial(*untried)
 
     @property
     def has_untried(self) -> bool:
