@@ -94,16 +94,17 @@ class Engine:
         """
         if (gentle := self._gentle) is not None:
             gentle.page_asks()
-        kept = self._kept
+        kept, is_loaded = self._kept, self._published.pace(request) is not None
         at_hand = self._recent.find(request) or (None if kept is None else kept.find(request))
         turn = self._book.put(visitor, request, deliver, is_shown=at_hand is not None)
         if at_hand is None:
             if kept is not None and not kept.is_named(request):
                 THREADS.start(lambda: show_kept(kept, self._book, turn), "frames on disk")
             return
-        self._recent.keep(at_hand)
+        if is_loaded:  # before that nobody knows whether what an earlier run kept is what this one makes
+            self._recent.keep(at_hand)
         hand_over(turn, at_hand)
-        if not request.wants_attention and self._published.pace(request) is not None:
+        if is_loaded and not request.wants_attention:
             self._book.settle(turn)
 
     def expect(self) -> None:
@@ -277,6 +278,7 @@ class Engine:
                 self._is_loading = False
             if self._kept is not None:
                 self._kept.learn(request, loaded)
+            self._recent.keep_contract(request.playback, loaded.contract)
             self._note_precision(request.model_id, request.precision)
             self._published.tell_pace(request, loaded)
             self._published.keep_only(self._playbacks.held_keys())
