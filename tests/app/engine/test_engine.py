@@ -19,7 +19,6 @@ from etnet.nets.intervention import Intervention
 from etnet.reconstruction import window_voxel
 from etnet.windows import ByDuration, plan_windows
 from tests.app.fakes import POLICY, Inbox, hold, recording_of, request, sequential
-from tests.live.sources import wait_for
 
 
 def test_a_request_is_served_exactly(shelf, make_engine):
@@ -52,29 +51,6 @@ def test_a_visitor_who_has_left_is_not_held(make_engine, prefetches):
         time.sleep(0.01)
         gc.collect()
     assert gone() is None
-
-
-@pytest.mark.parametrize("fails", ["try_kernels", "forget"])
-def test_work_that_fails_ends_nothing_and_does_not_spin(make_engine, monkeypatch, fails):
-    engine, inbox, tried = make_engine(), Inbox(), []
-
-    def fail(*_):
-        tried.append(fails)
-        raise TypeError("no such thing")
-
-    monkeypatch.setattr(engine._playbacks, fails, fail)
-    if fails == "try_kernels":
-        monkeypatch.setattr(type(engine._playbacks), "has_untried", True)
-        engine.request("ada", request(1), inbox)
-        inbox.ready(1)
-    else:
-        engine.forget("r")
-    wait_for(lambda: tried, 10)
-    began = time.monotonic()
-    for index in range(2, 6):
-        engine.request("ada", request(index), inbox)
-        inbox.ready(index)
-    assert len(tried) <= 10 + (time.monotonic() - began) / engine_module.PAUSE
 
 
 def test_a_frame_that_is_held_costs_no_step(shelf, make_engine):
