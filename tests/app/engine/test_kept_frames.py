@@ -15,6 +15,7 @@ from app.engine.kept_frames import as_ranges
 from app.engine.requests import Ready
 from etnet.events.denoise import Cleaning
 from etnet.events.events import Sensor
+from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, default_runtime
 from etnet.playback.disk_cache import DiskCache
 from tests.app.fakes import CountingModel, Inbox, Shelf, hold, recording_of, request, sequential
@@ -68,6 +69,11 @@ def ask(engine, index, visitor="ada"):
     return inbox.ready(index)
 
 
+def network(runtime):
+    apply_runtime(model := build_model("tiny"), runtime)
+    return model
+
+
 def fill(start, indices, **more):
     engine, _, disk = start(**more)
     for index in indices:
@@ -119,10 +125,8 @@ def test_a_kept_frames_state_is_called_as_warm_as_when_it_was_made(start):
 
 
 def test_what_an_earlier_run_made_under_another_contract_is_not_shown_beside_what_is_made_now(start):
-    fill(start, range(8))
-    may_load, model = threading.Event(), CountingModel()
-    apply_runtime(model, Runtime(attention="plain"))
-    model.config = "made up"
+    fill(start, range(8), load=lambda *_: network(default_runtime()))
+    may_load, model = threading.Event(), network(Runtime(attention="plain"))
 
     def load(*_):
         assert may_load.wait(20)
@@ -145,10 +149,7 @@ def test_what_an_earlier_run_made_under_another_contract_is_not_shown_beside_wha
     "runtime", [default_runtime(), Runtime(attention="plain")], ids=["as loaded", "of another size"]
 )
 def test_nothing_is_noted_that_the_next_start_would_not_come_to_itself(start, runtime):
-    model = CountingModel()
-    apply_runtime(model, runtime)
-    model.config = "made up"
-    fill(start, range(3), load=lambda *_: model)
+    fill(start, range(3), load=lambda *_: network(runtime))
     engine, _, _ = start()
     engine._kept.name(request(1))
     assert (engine._kept.find(request(1)) is None) == (runtime != default_runtime())
