@@ -141,7 +141,7 @@ def test_events_that_leave_on_the_way_to_the_newest_window_are_no_failure_of_the
 
 def test_who_waits_while_a_network_comes_late_waits_for_a_stretch_and_not_for_all_that_is_held(monkeypatch):
     with live_viewer() as viewer:
-        _cut(viewer, 30)
+        wait_for(lambda: viewer.feed.windows is not None and len(viewer.feed.windows.kept) >= 20, 120)
         late, plain, encoded = _late(viewer), MODEL.encode, []
 
         def slow(*given):
@@ -159,7 +159,7 @@ def test_who_waits_while_a_network_comes_late_waits_for_a_stretch_and_not_for_al
         viewer.engine.request("another", _request(viewer, 5, wants_attention=True), inbox := Inbox())
         inbox.wait(lambda reply: getattr(reply, "attention", None) is not None)
         assert len(encoded) - asked < 8
-        wait_for(lambda: _has_made(viewer, late, 30), 30)
+        wait_for(lambda: _has_made(viewer, late, 20), 30)
 
 
 @dataclass(frozen=True)
