@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import replace
 from threading import Thread
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.catalogue.cut import CutRecording
 from app.catalogue.live import LiveFeed
 from app.catalogue.threads import THREADS
 from app.engine.failures import in_words
@@ -22,7 +20,7 @@ from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache,
 from app.engine.prefetch import Prefetcher
 from app.engine.published import Published, RecentFrames, Thumbnails
 from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
-from app.engine.replies import array_of, check_step, hand_over, ready_of
+from app.engine.replies import array_of, check_step, cold_frame, hand_over, ready_of
 from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
 from etnet.errors import Cancelled, RecordingError, WindowError
 
@@ -41,6 +39,8 @@ PATIENCE = 1_000.0
 """A seek that will take longer (ms) shows an approximate frame first."""
 SLOW_STEP = 2_000.0
 """A step expected to take longer (ms) is announced before the first one."""
+PAUSE = 1.0
+"""Seconds for which the thread rests after work that failed, unless something new is asked: it may fail again."""
 
 _log = logging.getLogger(__name__)
 
@@ -94,16 +94,17 @@ class Engine:
         """
         if (gentle := self._gentle) is not None:
             gentle.page_asks()
-        kept = self._kept
+        kept, is_loaded = self._kept, self._published.pace(request) is not None
         at_hand = self._recent.find(request) or (None if kept is None else kept.find(request))
         turn = self._book.put(visitor, request, deliver, is_shown=at_hand is not None)
         if at_hand is None:
             if kept is not None and not kept.is_named(request):
                 THREADS.start(lambda: show_kept(kept, self._book, turn), "frames on disk")
             return
-        self._recent.keep(at_hand)
+        if is_loaded:  # before that nobody knows whether what an earlier run kept is what this one makes
+            self._recent.keep(at_hand)
         hand_over(turn, at_hand)
-        if not request.wants_attention and self._published.pace(request) is not None:
+        if is_loaded and not request.wants_attention:
             self._book.settle(turn)
 
     def expect(self) -> None:
@@ -163,13 +164,21 @@ class Engine:
     # What runs on the engine's thread.
 
     def _run(self) -> None:
-        while True:
-            with self._book.changed:
-                while not (self._is_stopping or self._has_work()):
-                    self._book.changed.wait()
-                if self._is_stopping:
-                    return
-            self._work()
+        """Work until the end. A piece that fails is given up, and after a pause the others' go on."""
+        said = ""
+        while not self._is_stopping:
+            try:
+                with self._book.changed:
+                    while not (self._is_stopping or self._has_work()):
+                        self._book.changed.wait()
+                if not self._is_stopping:
+                    self._work()
+            except Exception as error:
+                if repr(error) != said:
+                    _log.exception("the engine gave up a piece of work")
+                said = repr(error)
+                with self._book.changed:
+                    self._book.changed.wait(PAUSE)
 
     def _work(self) -> None:
         """One piece of work; while the thread rests it refers to no visitor, who may have left."""
@@ -247,7 +256,7 @@ class Engine:
     def _compute(self, turn: PendingRequest, loaded: LoadedPlayback, began: float) -> None:
         request = turn.request
         if not loaded.reaches(request.index):
-            self._finish(turn, self._cold(turn, loaded, began))
+            self._finish(turn, cold_frame(loaded, request, began, lambda: self._must_yield(turn)))
             return
         step = self._exact_step(turn, loaded)
         if step.attention is not None:
@@ -269,6 +278,7 @@ class Engine:
                 self._is_loading = False
             if self._kept is not None:
                 self._kept.learn(request, loaded)
+            self._recent.keep_contract(request.playback, loaded.contract)
             self._note_precision(request.model_id, request.precision)
             self._published.tell_pace(request, loaded)
             self._published.keep_only(self._playbacks.held_keys())
@@ -297,20 +307,6 @@ class Engine:
         began = time.perf_counter()
         step = loaded.playback.approximate(request.index, loaded.warm_up, lambda: self._is_stale(turn))
         self._say(turn, ready_of(loaded, request, step.frame, None, began, is_approximate=True))
-
-    def _cold(self, turn: PendingRequest, loaded: LoadedPlayback, began: float) -> Ready:
-        """A frame from a cold start: events on the way to its window have left the buffer of a live recording."""
-        from etnet.nets.attention import AttentionProbe
-
-        request, recording = turn.request, loaded.playback.recording
-        assert isinstance(recording, CutRecording)
-        at = max(recording.first_held, loaded.playback.first, request.index - loaded.warm_up)
-        if at > request.index or not request.is_original:
-            raise WindowError(f"gone: what came before {recording.gone_before:.1f} s has left the buffer")
-        probe = AttentionProbe() if request.wants_attention else None
-        step = loaded.playback.approximate(request.index, request.index - at, lambda: self._must_yield(turn), probe)
-        ready = ready_of(loaded, request, step.frame, step.attention, began)
-        return replace(ready, is_exact=False, began_at=at)
 
     def _exact_step(self, turn: PendingRequest, loaded: LoadedPlayback):
         from etnet.nets.attention import AttentionProbe

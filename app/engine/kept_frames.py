@@ -12,7 +12,8 @@ import hashlib
 import logging
 import os
 import platform
-from collections.abc import Callable, Iterable
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -29,6 +30,7 @@ from app.engine.playbacks import WARM_UP, Library, LoadedPlayback
 from app.engine.queue import PendingRequest, RequestQueue
 from app.engine.replies import hand_over
 from app.engine.requests import FrameRequest, PlaybackKey, Ready
+from app.engine.warmth import sparsest_of, warm_up_steps
 from etnet.bundled import models
 from etnet.errors import EtnetError
 from etnet.events.denoise import UNCLEANED
@@ -37,7 +39,7 @@ from etnet.nets.contract import Contract, contract_of_plain
 from etnet.nets.kept_choices import choices_file, processor_name
 from etnet.playback.disk_cache import DiskCache, RunCache
 from etnet.playback.run_key import code_key, grows, run_key
-from etnet.windows import from_window, plan_windows
+from etnet.windows import Window, from_window, plan_windows
 
 _log = logging.getLogger(__name__)
 
@@ -60,6 +62,8 @@ class _Named:
     run: RunCache
     contract: Contract
     warm_up: int
+    steps: tuple[int, ...]
+    """The windows by which its state has seen one more while it warms up (`warm_up_steps`)."""
 
 
 class KeptFrames:
@@ -93,8 +97,20 @@ class KeptFrames:
         if not np.isfinite(frame).all():
             return None  # damaged weights: the engine says so
         frame.flags.writeable = False
-        is_cold = request.index < named.warm_up
-        return Ready(request, frame, None, 0.0, True, False, is_cold, named.contract, request.index)
+        num_seen, warm_up = bisect_right(named.steps, request.index), named.warm_up
+        return Ready(
+            request,
+            frame,
+            attention=None,
+            milliseconds=0.0,
+            is_exact=True,
+            is_approximate=False,
+            is_cold=num_seen < warm_up,
+            contract=named.contract,
+            num_warm=request.index,
+            num_seen=num_seen,
+            warm_up=warm_up,
+        )
 
     def ranges(self, request: FrameRequest) -> KeptRanges | None:
         """Which frames are kept; `None` of a run that is not named."""
@@ -111,30 +127,21 @@ class KeptFrames:
             named = self._name(request)
         except (EtnetError, OSError, ValueError):
             named = None  # the engine, which opens and plans the same, will say why
-        with self._lock:
-            self._named[request.playback] = named
-            while len(self._named) > MOST_RUNS:
-                del self._named[next(iter(self._named))]
+        self._keep(request, named, replaces=False)  # it may have learnt better meanwhile
 
     def learn(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
-        """Note what a network's weights and contract are, now that torch can tell."""
+        """Take over what weights and contract are, now that torch can tell, and note it for later starts."""
         from torch import nn
 
-        disk, model = self.disk_for(request), loaded.playback.model
-        recording = loaded.playback.recording
-        name = None if disk is None else self._note_name(request, recording)
+        disk, recording = self.disk_for(request), loaded.playback.recording
         is_whole = not grows(recording) and not isinstance(recording, CutRecording)
-        if disk is None or name is None or not is_whole or not isinstance(model, nn.Module):
+        if disk is None or not is_whole or not isinstance(loaded.playback.model, nn.Module):
             return
-        from etnet.nets.fingerprint import weights_sha256
-
-        notes, note = _notes(disk), {"weights": weights_sha256(model), "contract": asdict(loaded.contract)}
-        if notes.get(name) != note:
-            kept = dict(list(notes.items())[1 - MOST_NOTES :])
-            disk.keep_notes({**kept, name: note})
-        with self._lock:
-            self._named.pop(request.playback, None)
-        self.name(request)
+        try:
+            named = self._learned(disk, request, loaded)
+        except (EtnetError, OSError, ValueError):
+            named = None
+        self._keep(request, named, replaces=True)
 
     def forget(self, recording_id: str) -> None:
         """Forget where a recording's frames are kept; they stay."""
@@ -154,11 +161,49 @@ class KeptFrames:
         windows = from_window(plan_windows(recording, request.policy), request.cold_at)
         try:
             contract = contract_of_plain(note["contract"])
-            key = run_key(recording, windows, str(note["weights"]), contract)
+            return self._of(disk, request, recording, windows, str(note["weights"]), contract)
         except (KeyError, TypeError):
             return None
-        warm_up = self._library.model(request.model_id).warm_up or WARM_UP
-        return _Named(disk.run(key, f"{recording.name} · {len(windows)} windows"), contract, warm_up)
+
+    def _learned(self, disk: DiskCache, request: FrameRequest, loaded: LoadedPlayback) -> _Named | None:
+        from etnet.nets.fingerprint import weights_sha256
+        from etnet.nets.tuning import runs_as_loaded
+
+        model, recording, contract = loaded.playback.model, loaded.playback.recording, loaded.contract
+        name = self._note_name(request, recording)
+        if name is None:
+            return None
+        weights, size = weights_sha256(model), recording.sensor
+        # The next start finds the note by what is measured by now: nothing is noted that it would not come to itself.
+        if not hasattr(model, "runtime") or runs_as_loaded(model, size.height, size.width):
+            notes, note = _notes(disk), {"weights": weights, "contract": asdict(contract)}
+            if notes.get(name) != note:
+                kept = dict(list(notes.items())[1 - MOST_NOTES :])
+                disk.keep_notes({**kept, name: note})
+        return self._of(disk, request, recording, loaded.windows, weights, contract)
+
+    def _of(
+        self,
+        disk: DiskCache,
+        request: FrameRequest,
+        recording: Recording,
+        windows: Sequence[Window],
+        weights: str,
+        contract: Contract,
+    ) -> _Named:
+        run = disk.run(run_key(recording, windows, weights, contract), f"{recording.name} · {len(windows)} windows")
+        entry = self._library.model(request.model_id)
+        warm_up = entry.warm_up or WARM_UP
+        steps = warm_up_steps(windows, warm_up, recording.sensor.num_pixels, sparsest_of(entry.trained_band))
+        return _Named(run, contract, warm_up, steps)
+
+    def _keep(self, request: FrameRequest, named: _Named | None, replaces: bool) -> None:
+        with self._lock:
+            if replaces:
+                self._named.pop(request.playback, None)
+            self._named.setdefault(request.playback, named)
+            while len(self._named) > MOST_RUNS:
+                del self._named[next(iter(self._named))]
 
     def _note_name(self, request: FrameRequest, recording: Recording) -> str | None:
         """Names everything that weights and contract follow from; `None` for a network that no file holds."""

@@ -16,7 +16,8 @@ from app.catalogue.live import LiveFeed
 from app.engine.playbacks import LoadedPlayback, PlaybackCache
 from app.engine.queue import RequestQueue
 from app.engine.requests import FrameRequest, Precision
-from etnet.errors import EtnetError
+from etnet.errors import Cancelled, EtnetError, RecordingError
+from etnet.windows import Window
 
 if TYPE_CHECKING:
     from etnet.playback.playback import Step
@@ -25,11 +26,16 @@ MEASURED = 0.5
 """Seconds of events over which the rate is measured before windows are chosen."""
 SLOW, MOST_MEASURED = 0.25, 3
 """Seconds of a step above which it is measured again, and how often in all."""
+RESTS = 10.0
+"""Seconds for which a network that could not go on is left alone; another one is stepped meanwhile."""
+STRETCH = 0.4
+"""Seconds after which a network on its way to the newest window makes way for who waits."""
 NEAR = 3
 """A visitor whose window is among the last few follows the source."""
 _WAKE = 0.01
 
 _log = logging.getLogger(__name__)
+Network = tuple[str, Precision]
 Done = Callable[[LoadedPlayback, FrameRequest, "Step", float], None]
 """Told the step of a window and when (`time.perf_counter`) it began."""
 
@@ -41,11 +47,13 @@ class LiveSteps:
         self, feed: LiveFeed, model_id: str, precision: Precision, playbacks: PlaybackCache, book: RequestQueue
     ) -> None:
         self._feed, self._playbacks, self._book = feed, playbacks, book
-        self._model_id = model_id
-        self._precision: Precision = precision
+        self._home: Network = (model_id, precision)
+        self._led = self._home
         self._step_seconds: float | None = None
         self._num_measured = 0
-        self._failed: tuple[str, Precision] | None = None
+        self._resting: dict[Network, float] = {}
+        self._begun: Window | None = None
+        """A window that was taken and that the network is still on its way to."""
         self._stopped = Event()
         Thread(target=self._watch, daemon=True, name="live windows").start()
 
@@ -55,60 +63,101 @@ class LiveSteps:
 
     def has_work(self) -> bool:
         """Whether a window is full, or the windows can be chosen now. Safe from every thread."""
-        if self._failed == (self._model_id, self._precision):
+        if self._lead() is None:
             return False
         if self._feed.windows is not None:
-            return self._feed.windows.is_full()
+            return self._begun is not None or self._feed.windows.is_full()
         return self._is_to_measure() or self._rate() is not None
 
     def _is_to_measure(self) -> bool:
         """A step that seems slow is measured again: a machine is busy while a viewer starts."""
-        is_slow = self._step_seconds is None or self._step_seconds > SLOW
-        return is_slow and self._num_measured < MOST_MEASURED
+        step = self._step_seconds
+        return step is None or (step > SLOW and self._num_measured < MOST_MEASURED)
 
     def work(self, done: Done) -> None:
-        """One window, or one part of the preparation."""
+        """One window or a stretch of the way to it, or one part of the preparation."""
+        led = self._lead()
+        if led is None:
+            return
+        self._led = led
         try:
             self._work(done)
+        except Cancelled:
+            return  # others wait; it goes on from the states that were laid
         except EtnetError as error:
             self._feed.live.note(str(error))
-            self._failed = self._model_id, self._precision
         except Exception as error:
             _log.exception("a live step failed")
             self._feed.live.note(f"the network could not go on ({type(error).__name__}: {error})")
-            self._failed = self._model_id, self._precision
+        else:
+            return
+        self._begun = None
+        self._resting = {**self._resting, led: time.monotonic() + RESTS}
 
     def _work(self, done: Done) -> None:
         if self._feed.windows is None:
             self._prepare()
             return
-        wants_attention = self._choose_lead(len(self._feed.windows.kept))
-        window = self._feed.windows.take(timeout=0)
+        wants_attention = self._wants_attention(len(self._feed.windows.kept))
+        if self._begun is None:
+            self._begun = self._feed.windows.take(timeout=0)
+        window = self._begun
         if window is None:
             return
         began = time.perf_counter()
         policy = self._feed.windows.policy
-        request = FrameRequest(self._feed.id, self._model_id, self._precision, policy, window.index, wants_attention)
-        loaded = self._playbacks.reaching(request)
-        step = loaded.playback.at(window.index, _probe() if wants_attention else None)
+        request = FrameRequest(self._feed.id, *self._led, policy, window.index, wants_attention)
+        loaded, step = self._step(request)
         if step.attention is not None:
             self._playbacks.keep_attention(request, step.attention)
         done(loaded, request, step, began)
         self._feed.finished(window.index)
+        self._begun = None
 
-    def _choose_lead(self, num_windows: int) -> bool:
-        """Step the network that somebody looks at; whether somebody wants the newest window's attention."""
-        watched = [
+    def _step(self, request: FrameRequest) -> tuple[LoadedPlayback, Step]:
+        """The step of a request's window; from a cold start near it where events on the way left the buffer meanwhile,
+        as they do when a network is slower than the source: it would not catch up from the oldest window."""
+        loaded = self._playbacks.reaching(request)
+        try:
+            return loaded, self._at(request, loaded)
+        except RecordingError:
+            if loaded.reaches(request.index):
+                raise
+        loaded = self._playbacks.reaching(request)  # made anew: it has no states yet
+        loaded.playback.first = max(loaded.playback.first, request.index - loaded.warm_up)
+        return loaded, self._at(request, loaded)
+
+    def _at(self, request: FrameRequest, loaded: LoadedPlayback) -> Step:
+        ends = time.monotonic() + STRETCH
+
+        def makes_way() -> bool:
+            return self._stopped.is_set() or (time.monotonic() > ends and self._book.num_waiting > 0)
+
+        return loaded.playback.at(request.index, _probe() if request.wants_attention else None, cancelled=makes_way)
+
+    def _lead(self) -> Network | None:
+        """The network to step: the one that is stepped while somebody looks at it, else one that somebody looks at.
+
+        Where all of these rest the source goes on with the one it began with; `None` where that rests, too.
+        """
+        watched = [(request.model_id, request.precision) for request in self._watched()]
+        wished = [self._led] if self._led in watched or not watched else []
+        now = time.monotonic()
+        return next((each for each in (*wished, *watched, self._home) if now >= self._resting.get(each, 0.0)), None)
+
+    def _watched(self) -> list[FrameRequest]:
+        """What is asked of the source, by who was served last first."""
+        return [
             turn.request for turn in self._book.last_turns()
             if turn.request.recording_id == self._feed.id and turn.request.cleaning.changes_nothing
         ]  # fmt: skip
-        led = {(request.model_id, request.precision) for request in watched}
-        if watched and (self._model_id, self._precision) not in led:
-            self._model_id, self._precision = watched[0].model_id, watched[0].precision
+
+    def _wants_attention(self, num_windows: int) -> bool:
+        """Whether somebody wants the newest window's attention."""
         return any(
             request.wants_attention and request.is_original and request.index >= num_windows - NEAR
-            for request in watched
-            if (request.model_id, request.precision) == (self._model_id, self._precision)
+            for request in self._watched()
+            if (request.model_id, request.precision) == self._led
         )
 
     def _prepare(self) -> None:
@@ -117,7 +166,7 @@ class LiveSteps:
 
         if self._is_to_measure():
             self._playbacks.start()
-            model, _ = self._playbacks.model(self._model_id, self._precision)
+            model, _ = self._playbacks.model(*self._led)
             self._num_measured += 1
             self._step_seconds = min(measured_step(model, self._feed.seen), self._step_seconds or math.inf)
             return

@@ -17,7 +17,7 @@ from app.catalogue.recording_id import is_of
 from app.engine.denoised import CleanedRecordings
 from app.engine.pace import Pace
 from app.engine.requests import FrameKey, FrameRequest, PlaybackKey
-from app.engine.warmth import SPARSEST, windows_seen
+from app.engine.warmth import SPARSEST, sparsest_of, windows_seen
 from etnet.byte_cache import ByteCache
 from etnet.errors import ModelError, WindowError
 from etnet.events.recording import Recording
@@ -282,8 +282,7 @@ class PlaybackCache:
         playback = Playback(model, recording, windows, self._budget_bytes, disk, first=first)
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
-        band = self._library.model(request.model_id).trained_band
-        sparsest = SPARSEST if band is None else band[0]
+        sparsest = sparsest_of(self._library.model(request.model_id).trained_band)
         pace, expected = Pace(), trial * growth
         return LoadedPlayback(
             playback, contract_of(model), warm_up, pace, expected, 0, sparsest, self._scores, self.loaded
@@ -306,10 +305,10 @@ class PlaybackCache:
     def try_kernels(self) -> None:
         """Measure what is not known yet, beside the engine, for two seconds at most."""
         if self._untried is not None:
-            from etnet.nets.tuning import tune
+            from etnet.nets.tuning import begin_trial
 
             untried, self._untried = self._untried, None
-            tune(*untried)
+            begin_trial(*untried)
 
     @property
     def has_untried(self) -> bool:

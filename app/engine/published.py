@@ -18,6 +18,7 @@ from app.engine.requests import FrameKey, FrameRequest, PlaybackKey, Ready
 from etnet.byte_cache import ByteCache
 
 if TYPE_CHECKING:
+    from etnet.nets.contract import Contract
     from etnet.playback.playback import CacheReport
 
 
@@ -86,6 +87,15 @@ class RecentFrames:
     def forget(self, recording_id: str) -> None:
         """Forget a recording's frames."""
         self._held.forget(lambda key: is_of(key[0].recording_id, recording_id))
+
+    def keep_contract(self, playback: PlaybackKey, contract: Contract) -> None:
+        """Forget the frames of a playback that another contract than this one made: all that is shown is of one run."""
+        others = {
+            ready.request.key
+            for ready in self._held.values()
+            if ready.request.playback == playback and ready.contract != contract
+        }
+        self._held.forget(lambda key: key in others)
 
     def find(self, request: FrameRequest) -> Ready | None:
         """The reply to the same request, as it was given then."""

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float32
 
+from app.catalogue.cut import CutRecording
 from app.engine.failures import check_finite
 from app.engine.playbacks import LoadedPlayback
 from app.engine.queue import PendingRequest
@@ -49,6 +52,21 @@ def ready_of(
         num_seen=num_seen,
         warm_up=loaded.warm_up,
     )
+
+
+def cold_frame(loaded: LoadedPlayback, request: FrameRequest, began: float, cancelled: Callable[[], bool]) -> Ready:
+    """A frame from a cold start: events on the way to its window have left the buffer of a live recording."""
+    from etnet.nets.attention import AttentionProbe
+
+    recording = loaded.playback.recording
+    assert isinstance(recording, CutRecording)
+    at = max(recording.first_held, loaded.playback.first, request.index - loaded.warm_up)
+    if at > request.index or not request.is_original:
+        raise WindowError(f"gone: what came before {recording.gone_before:.1f} s has left the buffer")
+    probe = AttentionProbe() if request.wants_attention else None
+    step = loaded.playback.approximate(request.index, request.index - at, cancelled, probe)
+    ready = ready_of(loaded, request, step.frame, step.attention, began)
+    return replace(ready, is_exact=False, began_at=at)
 
 
 def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:

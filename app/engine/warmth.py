@@ -11,6 +11,11 @@ SPARSEST = 0.05
 """Events per pixel of a window that counts as a whole one, for networks whose card says no range."""
 
 
+def sparsest_of(trained_band: tuple[float, float] | None) -> float:
+    """Events per pixel of a window that counts as a whole one, for a network that was trained in this range."""
+    return SPARSEST if trained_band is None else trained_band[0]
+
+
 def windows_seen(windows: Sequence[Window], index: int, warm_up: int, num_pixels: int, sparsest: float) -> int:
     """How far the state of window `index` is warmed up, 0 … `warm_up`.
 
@@ -32,3 +37,23 @@ def first_warm(windows: Sequence[Window], warm_up: int, num_pixels: int, sparses
 
     found = bisect_left(range(len(windows)), True, key=is_warm)
     return found if found < len(windows) else None
+
+
+def warm_up_steps(windows: Sequence[Window], warm_up: int, num_pixels: int, sparsest: float) -> tuple[int, ...]:
+    """The first windows whose states have seen 1, 2, … `warm_up` windows; fewer where the recording ends before.
+
+    So many of them as are not above an index `windows_seen` counts there: what is known without the windows.
+    """
+    steps: list[int] = []
+    for wanted in range(1, warm_up + 1):
+        rest = range(max(wanted, steps[-1] if steps else 0), len(windows))
+
+        def is_reached(index: int, wanted: int = wanted) -> bool:
+            return windows_seen(windows, index, warm_up, num_pixels, sparsest) >= wanted
+
+        at_once = bool(rest) and is_reached(rest[0])
+        found = 0 if at_once else bisect_left(rest, True, key=is_reached)
+        if found >= len(rest):
+            break
+        steps.append(rest[found])
+    return tuple(steps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -182,6 +183,19 @@ class RecordingLoader:
         if not held.recording.is_gone(placed.window):
             return ""
         return f"gone: before {held.recording.gone_before:.1f} s"
+
+    def has_left(self, state: ViewState) -> bool:
+        """The same of what could not be drawn: where not even its window can be told, that is not why."""
+        with suppress(Exception):
+            return bool(self.said_gone(state))
+        return False
+
+    def within(self, state: ViewState) -> ViewState:
+        """The view at the nearest window that its recording has here: another page, which leads, may have more."""
+        if self.placed(state) is None:
+            return state
+        index = self.limits(state).clamp_index(state.index)
+        return state if index == state.index else replace(state, index=index)
 
     def want(self, state: ViewState) -> None:
         """Begin to open what the view asks for, unless it is there, or was refused."""

@@ -27,7 +27,7 @@ MOST_WINDOWS = 120
 PATIENCE = 120.0
 """Seconds for which one image may take."""
 LIVE_PATIENCE = 60.0
-"""Seconds in which a live source has its first window: a network is loaded meanwhile."""
+"""Seconds in which a live source has its first window, while a network is loaded, and then the further ones."""
 LIVE_WINDOWS = 8
 """Of a live source so many are waited for at most."""
 LOOK = 0.02
@@ -94,15 +94,15 @@ def _opened(catalogue: Catalogue, recording_id: str) -> Recording:
 
 
 def _followed(engine: Engine, recording: CutRecording, view: ViewState, tell: Tell, most: int) -> Rehearsed:
-    """The newest windows of a live source, one after the other."""
-    last, num_images, step = -1, 0, 0.0
+    """The newest windows of a live source, one after the other; fewer of a scene that has become still."""
+    last, num_images, step, until = -1, 0, 0.0, time.monotonic() + LIVE_PATIENCE
     try:
         while num_images < most:
             newest = recording if recording.latest is None else recording.latest()
             assert isinstance(newest, CutRecording)
             if len(newest.cut) - 1 == last:
-                if newest.latest is None:
-                    break  # the source has ended
+                if newest.latest is None or time.monotonic() > until:
+                    break  # the source has ended, or nothing moves before it
                 time.sleep(LOOK)
                 continue
             last, policy = len(newest.cut) - 1, newest.policy

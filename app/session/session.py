@@ -153,7 +153,7 @@ class Session:
                     if not has_heard or time.monotonic() - self._tidied_at > BUSY_FOR:
                         self._tidy()
             except Exception as error:  # what cannot be drawn must not end the visit
-                if self._held.said_gone(self._state):
+                if self._held.has_left(self._state):
                     self._is_dirty = True  # it left a live recording while it was drawn: that is drawn next
                     continue
                 with suppress(UserWarning):  # viser's, of a page that has gone; its session ends in a moment
@@ -296,7 +296,7 @@ class Session:
 
     def _advance(self) -> None:
         if self._booth.is_active:
-            self._state = self._booth.following(self._state)
+            self._state = self._held.within(self._booth.following(self._state))
         self._held.want(self._state)
         if self._is_public:
             self._lead()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -26,21 +27,27 @@ _LARGEST_MAP = 1 << 21
 """Entries of the attention map that are timed: cost goes with the number of queries, so a share of them will do."""
 _LARGEST_IMAGE = 346 * 260
 
+_log = logging.getLogger(__name__)
+
 
 def tune(model: Network, height: int, width: int) -> Thread | None:
-    """Run `model` with the kernels that were found fastest for this size here.
+    """Run `model` with the kernels that were found fastest for this size here, or find them out (`begin_trial`)."""
+    return None if apply_kept(model, height, width) else begin_trial(model, height, width)
 
-    Where none are known yet it runs with the usual ones, and a trial in the background finds out for the next time:
-    a runtime never changes while frames are made. Gives the trial's thread, `None` if there is nothing to try.
+
+def begin_trial(model: Network, height: int, width: int) -> Thread | None:
+    """Find out in the background which kernels are fastest for this size here, for the next time.
+
+    `model` runs as it does: a runtime never changes while frames are made. Gives the trial's thread; `None` if there
+    is nothing to try, or somebody found it out meanwhile.
     """
-    if apply_kept(model, height, width):
+    if not _can_choose(model) or _kept_runtime(model, height, width) is not None:
         return None
-    name = _name(model, height, width)
+    name, precision = _name(model, height, width), model.runtime.precision
     heads = next(
         ((m.heads, m.out_proj.in_features) for m in model.modules() if isinstance(m, MultiHeadAttention)), None
     )
-    twin = type(model)(model.config).eval()  # pyright: ignore[reportArgumentType]  the pair belongs together
-    arguments = (name, twin, heads, model.runtime.precision, height, width)
+    arguments = (name, type(model), model.config, heads, precision, height, width)
     trial = Thread(target=_try_and_keep, args=arguments, name="kernel trial", daemon=True)
     trial.start()
     return trial
@@ -48,13 +55,21 @@ def tune(model: Network, height: int, width: int) -> Thread | None:
 
 def apply_kept(model: Network, height: int, width: int) -> bool:
     """Run `model` with the kernels that were found fastest for this size here; whether nothing is left to try."""
-    if device_of(model).type != "cpu" or not has_onednn():
+    if not _can_choose(model):
         return True
-    kept = kept_choice(_name(model, height, width))
-    runtime = None if kept is None else _runtime(kept, model.runtime.precision)
+    runtime = _kept_runtime(model, height, width)
     if runtime is not None:
         apply_runtime(model, runtime)
     return runtime is not None
+
+
+def runs_as_loaded(model: Network, height: int, width: int) -> bool:
+    """Whether `model` runs as it would for this size if it were loaded now.
+
+    It does not where it was loaded for another size, or before a trial that has ended since.
+    """
+    kept = _kept_runtime(model, height, width) if _can_choose(model) else None
+    return model.runtime == (kept or default_runtime(model.runtime.precision, str(device_of(model))))
 
 
 def fastest_runtime(
@@ -75,8 +90,16 @@ def fastest_runtime(
     return chosen
 
 
-def _try_and_keep(name: str, twin: Network, heads: Any, precision: Precision, height: int, width: int) -> None:
-    keep_choice(name, asdict(fastest_runtime(twin, heads, precision, height, width, PATIENCE)))
+def _try_and_keep(
+    name: str, kind: type[Network], config: Any, heads: Any, precision: Precision, height: int, width: int
+) -> None:
+    """The trial, with a network of its own. One that cannot be made from its configuration alone is not tried."""
+    try:
+        found = fastest_runtime(kind(config).eval(), heads, precision, height, width, PATIENCE)
+    except Exception:
+        _log.info("no kernels could be tried for %s; it runs with the usual ones", kind.__name__, exc_info=True)
+    else:
+        keep_choice(name, asdict(found))
 
 
 def _time_attention(
@@ -106,6 +129,15 @@ def _time_encode(
 
 def _name(model: Network, height: int, width: int) -> str:
     return f"kernels {type(model).__name__} {model.config!r} {model.runtime.precision} {height} {width}"
+
+
+def _can_choose(model: Network) -> bool:
+    return device_of(model).type == "cpu" and has_onednn()
+
+
+def _kept_runtime(model: Network, height: int, width: int) -> Runtime | None:
+    kept = kept_choice(_name(model, height, width))
+    return None if kept is None else _runtime(kept, model.runtime.precision)
 
 
 def _runtime(kept: dict[str, Any], precision: Precision) -> Runtime | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import shutil
 import time
@@ -40,6 +41,8 @@ _ABANDONED = 3600
 _CHECKSUM_BYTES = 4
 _FRAME, _STATE = ".frame", ".state"
 _NOTES = "notes.json"
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +129,9 @@ class DiskCache:
         while True:
             job = self._jobs.get()
             try:
-                with contextlib.suppress(OSError):
-                    self._account(job())
+                self._account(job())
+            except Exception:  # a full disk, or a folder that was removed meanwhile: the next one may be written
+                _log.info("a frame or state is not kept", exc_info=True)
             finally:
                 self._jobs.task_done()
 

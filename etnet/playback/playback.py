@@ -233,6 +233,8 @@ class Playback:
             return self.model.pyramid(self._input(index), held), held
         before = self._nearest_before(index)
         state, pyramid = (None, None) if before < self.first else (self._state(before), None)
+        if state is None:
+            before = self.first - 1  # also where its file on disk has gone since it was named
         for i in range(before + 1, index + 1):
             _raise_if(cancelled)
             pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))

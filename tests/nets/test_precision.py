@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from etnet.nets import precision, tuning
+from etnet.nets.etnet import ETNet
 from etnet.nets.kept_choices import MAX_CHOICES, choices_file, keep_choice, kept_choice
 from etnet.nets.precision import PrecisionDecision, choose_runtime, decide
-from etnet.nets.presets import build_model
+from etnet.nets.presets import PRESETS, build_model
 from etnet.nets.runtime import Runtime, apply_runtime, default_runtime
 from etnet.nets.weights import load_model
 
@@ -93,6 +94,29 @@ def test_a_kernel_trial_runs_in_the_background_and_is_used_the_next_time(monkeyp
     keep_choice(tuning._name(model, 48, 64), {"precision": "fp32", "attention": "fused", "channels_last": False})
     tuning.tune(model, 48, 64)
     assert model.runtime == Runtime("fp32", "fused")
+
+
+def test_a_network_that_is_made_in_another_way_than_ours_is_not_tried_and_ends_nothing(monkeypatch):
+    class Own(ETNet):
+        def __init__(self):
+            super().__init__(PRESETS["tiny"])
+
+    model = Own()
+    apply_runtime(model, default_runtime())
+    trial = tuning.tune(model, 48, 64)
+    if trial is None:
+        pytest.skip("no oneDNN here: there is nothing to try")
+    trial.join(20)
+    assert kept_choice(tuning._name(model, 48, 64)) is None
+
+
+def test_a_trial_changes_no_network_that_runs_though_its_outcome_was_kept_meanwhile():
+    model = build_model("tiny")
+    apply_runtime(model, default_runtime())
+    before = model.runtime
+    keep_choice(tuning._name(model, 48, 64), {"precision": "fp32", "attention": "fused", "channels_last": False})
+    assert tuning.begin_trial(model, 48, 64) is None
+    assert model.runtime == before
 
 
 def test_a_trial_with_no_time_left_chooses_the_usual_kernels():

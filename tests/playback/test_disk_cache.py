@@ -1,6 +1,7 @@
 """The cache on disk: bit for bit what was given, within its budget, and never of another run."""
 
 import dataclasses
+import errno
 from pathlib import Path
 
 import pytest
@@ -8,16 +9,18 @@ import torch
 
 from etnet.cli.main import main
 from etnet.events.recording import Growth, Recording, recording_of_events
+from etnet.files import cannot_write
 from etnet.nets.base import State
 from etnet.nets.fingerprint import weights_sha256
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, contract_of
 from etnet.playback import disk_cache
-from etnet.playback.disk_cache import STATE_SPACING, DiskCache
+from etnet.playback.disk_cache import STATE_SPACING, DiskCache, RunCache
 from etnet.playback.playback import Playback
 from etnet.playback.run_key import recording_key, run_cache, run_key, windows_key
 from etnet.windows import ByCount, ByDuration, plan_windows
+from tests.live.sources import wait_for
 from tests.strategies import make_events
 
 NUM_WINDOWS = 40
@@ -169,6 +172,44 @@ def test_what_is_changed_or_grows_is_not_kept(tmp_path):
     assert not list(tmp_path.glob("*/2.frame"))
     growing = dataclasses.replace(_recording(), growth=Growth())
     assert run_cache(disk, _model(), growing, plan_windows(growing, ByCount(50))) is None
+
+
+def test_a_disk_that_is_full_for_a_moment_is_written_to_again(tmp_path, monkeypatch):
+    plain, failed = disk_cache.write_atomically, []
+
+    def full(path, content, flushes=True):
+        if path.suffix == ".frame" and not failed:
+            failed.append(path)
+            raise cannot_write(path, OSError(errno.ENOSPC, "No space left on device"))
+        plain(path, content, flushes)
+
+    monkeypatch.setattr(disk_cache, "write_atomically", full)
+    run = DiskCache(tmp_path).run("k", "a run")
+    run.put_frame(0, torch.zeros(1, 1, 2, 3))
+    run.put_frame(1, torch.ones(1, 1, 2, 3))
+    wait_for(lambda: run.frames == {1}, 10)
+    assert failed
+
+
+def test_a_state_whose_file_goes_between_two_looks_is_made_again_from_the_beginning(tmp_path, monkeypatch):
+    first, disk = _playback(tmp_path)
+    index = STATE_SPACING + 2
+    truth = first.at(index).frame
+    disk.flush()
+    for path in tmp_path.glob("*/*.frame"):
+        path.unlink()
+    again, _ = _playback(tmp_path)
+    again.budget_bytes = 64  # no state fits: each look reads the file
+    plain, looks = RunCache.state, []
+
+    def once(run, index):
+        found = None if index in looks else plain(run, index)
+        looks.append(index)
+        return found
+
+    monkeypatch.setattr(RunCache, "state", once)
+    assert torch.equal(again.at(index).frame, truth)
+    assert STATE_SPACING - 1 in looks
 
 
 def test_a_damaged_file_is_one_that_is_not_there(tmp_path):

@@ -14,6 +14,9 @@ from app.engine.engine import Engine
 from app.engine.kept_frames import as_ranges
 from app.engine.requests import Ready
 from etnet.events.denoise import Cleaning
+from etnet.events.events import Sensor
+from etnet.nets.presets import build_model
+from etnet.nets.runtime import Runtime, apply_runtime, default_runtime
 from etnet.playback.disk_cache import DiskCache
 from tests.app.fakes import CountingModel, Inbox, Shelf, hold, recording_of, request, sequential
 
@@ -66,6 +69,11 @@ def ask(engine, index, visitor="ada"):
     return inbox.ready(index)
 
 
+def network(runtime):
+    apply_runtime(model := build_model("tiny"), runtime)
+    return model
+
+
 def fill(start, indices, **more):
     engine, _, disk = start(**more)
     for index in indices:
@@ -96,6 +104,55 @@ def test_a_frame_of_an_earlier_start_is_there_before_the_network_is(start):
     later = inbox.replies[-1]
     assert later.key == ready.key  # nothing has to be drawn again
     assert shelf.model_instance.decodes <= 2  # the trial steps alone
+
+
+def test_a_kept_frames_state_is_called_as_warm_as_when_it_was_made(start):
+    sparse, made = recording_of(NUM_WINDOWS, Sensor(64, 48)), {}
+    engine, shelf, disk = start()
+    shelf.recordings["r"] = sparse
+    for index in (0, 3, 30):
+        made[index] = ask(engine, index)
+    disk.flush()
+    engine.stop()
+    assert made[30].is_cold, "too few events came by then"
+    engine, shelf, _ = start()
+    shelf.recordings["r"] = sparse
+    engine._kept.name(request(0))
+    for index, ready in made.items():
+        kept = engine._kept.find(request(index))
+        told = kept.is_cold, kept.num_seen, kept.warm_up
+        assert told == (ready.is_cold, ready.num_seen, ready.warm_up)
+
+
+def test_what_an_earlier_run_made_under_another_contract_is_not_shown_beside_what_is_made_now(start):
+    fill(start, range(8), load=lambda *_: network(default_runtime()))
+    may_load, model = threading.Event(), network(Runtime(attention="plain"))
+
+    def load(*_):
+        assert may_load.wait(20)
+        return model
+
+    engine, _, _ = start(load)
+    try:
+        former = ask(engine, 6)
+        assert ask(engine, 6).key == former.key
+        engine.request("bob", request(5), inbox := Inbox())
+        shown = inbox.ready(5)
+    finally:
+        may_load.set()
+    now = inbox.wait(lambda reply: isinstance(reply, Ready) and reply.contract != shown.contract)
+    assert now.contract.runtime == model.runtime
+    assert [ask(engine, index).contract for index in (5, 6, 7)] == [now.contract] * 3
+
+
+@pytest.mark.parametrize(
+    "runtime", [default_runtime(), Runtime(attention="plain")], ids=["as loaded", "of another size"]
+)
+def test_nothing_is_noted_that_the_next_start_would_not_come_to_itself(start, runtime):
+    fill(start, range(3), load=lambda *_: network(runtime))
+    engine, _, _ = start()
+    engine._kept.name(request(1))
+    assert (engine._kept.find(request(1)) is None) == (runtime != default_runtime())
 
 
 def test_with_the_cache_on_any_order_gives_the_sequential_run(start):

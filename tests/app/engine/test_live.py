@@ -7,7 +7,10 @@ import numpy as np
 import torch
 
 from app.catalogue.cut import CutRecording
+from app.engine import live
 from app.engine.requests import FrameRequest
+from etnet.errors import ModelError
+from etnet.live import pace
 from etnet.live.buffer import Keep
 from etnet.playback.playback import Playback
 from tests.app.fakes import Inbox
@@ -70,6 +73,93 @@ def test_events_that_leave_the_buffer_while_they_are_replayed_make_a_cold_frame_
         ready = inbox.ready(last)
         assert not ready.is_exact
         assert ready.began_at > 0
+
+
+def _late(viewer):
+    return next(entry.id for entry in viewer.catalogue.models() if entry.id != "etnet-half")
+
+
+def _has_made(viewer, model_id, at_least=0):
+    made = [ready.request for ready in viewer.engine._recent.all()]
+    return any(request.model_id == model_id and request.index >= at_least for request in made)
+
+
+def test_a_network_that_fails_leaves_the_source_to_others(monkeypatch):
+    with live_viewer() as viewer:
+        _cut(viewer, 3)
+        late, plain = _late(viewer), viewer.engine._playbacks._load
+
+        def load(entry, precision, device):
+            if entry.id == late:
+                raise ModelError("it cannot be loaded")
+            return plain(entry, precision, device)
+
+        monkeypatch.setattr(viewer.engine._playbacks, "_load", load)
+        viewer.engine.request("somebody", _request(viewer, 0, late), Inbox())
+        wait_for(lambda: any("cannot be loaded" in note.text for note in viewer.feed.live.notes), 30)
+        _cut(viewer, len(viewer.feed.windows.kept) + 5)
+        last = len(viewer.feed.windows.kept)
+        viewer.engine.request("somebody", _request(viewer, last - 1), Inbox())
+        wait_for(lambda: _has_made(viewer, "etnet-half", last), 30)
+
+
+def test_a_fault_that_passes_does_not_end_a_source(monkeypatch):
+    faults, plain = [], pace.measured_step
+
+    def measured(*given):
+        faults.append(given)
+        if len(faults) < 4:
+            raise MemoryError("a busy moment")
+        return plain(*given)
+
+    monkeypatch.setattr(pace, "measured_step", measured)
+    monkeypatch.setattr(live, "RESTS", 0.05)
+    with live_viewer() as viewer:
+        _cut(viewer, 3)
+        assert sum("a busy moment" in note.text for note in viewer.feed.live.notes) == 3
+
+
+def test_events_that_leave_on_the_way_to_the_newest_window_are_no_failure_of_the_network(monkeypatch):
+    with live_viewer(replayed(num_events=200_000), Keep(seconds=1.0)) as viewer:
+        wait_for(lambda: len(viewer.feed.recording().cut) > viewer.feed.recording().first_held > 0, 30)
+        plain, begun = Playback.at, []
+
+        def slow(playback, *given, **more):
+            if playback.first > 0:
+                begun.append(playback.first)
+                if len(begun) == 1:
+                    wait_for(lambda: playback.recording.is_gone(playback.windows[playback.first]), 30)
+            return plain(playback, *given, **more)
+
+        monkeypatch.setattr(Playback, "at", slow)
+        late = _late(viewer)
+        viewer.engine.request("somebody", _request(viewer, 0, late), Inbox())
+        wait_for(lambda: _has_made(viewer, late), 30)
+        assert begun[1] > begun[0]
+        assert not any("gone" in note.text for note in viewer.feed.live.notes)
+
+
+def test_who_waits_while_a_network_comes_late_waits_for_a_stretch_and_not_for_all_that_is_held(monkeypatch):
+    with live_viewer() as viewer:
+        wait_for(lambda: viewer.feed.windows is not None and len(viewer.feed.windows.kept) >= 20, 120)
+        late, plain, encoded = _late(viewer), MODEL.encode, []
+
+        def slow(*given):
+            encoded.append(given[0].shape)
+            time.sleep(0.05)
+            return plain(*given)
+
+        monkeypatch.setattr(live, "STRETCH", 0.1)
+        monkeypatch.setattr(MODEL, "encode", slow)
+        viewer.engine.request("somebody", _request(viewer, 0, late), inbox := Inbox())
+        inbox.ready(0)
+        before = len(encoded)
+        wait_for(lambda: len(encoded) > before + 2, 30)
+        asked = len(encoded)
+        viewer.engine.request("another", _request(viewer, 5, wants_attention=True), inbox := Inbox())
+        inbox.wait(lambda reply: getattr(reply, "attention", None) is not None)
+        assert len(encoded) - asked < 8
+        wait_for(lambda: _has_made(viewer, late, 20), 30)
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,16 @@ import pytest
 import torch
 
 from app.engine.pace import Pace
+from app.engine.playbacks import PlaybackCache
 from app.engine.replies import is_exact
 from app.engine.requests import FrameRequest
+from etnet.nets import tuning
 from etnet.nets.intervention import ORIGINAL, Intervention
+from etnet.nets.kept_choices import keep_choice
 from etnet.nets.presets import build_model
-from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of
+from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of, default_runtime
 from etnet.windows import ByCount
+from tests.app.fakes import Shelf, request
 
 REQUEST = FrameRequest("recording", "model", "fp32", ByCount(10), 3, False)
 
@@ -91,3 +95,20 @@ def test_the_pace_follows_what_steps_take():
         pace.note(None, step)
         pace.note(10.0, None)
     assert 110.0 + 10 < pace.step < 130.0 + 10
+
+
+def test_kernels_that_were_found_while_frames_were_made_are_for_the_next_start(monkeypatch, tmp_path):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path))
+    model = build_model("tiny")
+    apply_runtime(model, default_runtime())
+    shelf = Shelf(model_instance=model)
+    playbacks = PlaybackCache(shelf, 64 << 20, "cpu", None, shelf.load, tunes=True)
+    loaded = playbacks.loaded(request(0))
+    if not playbacks.has_untried:
+        pytest.skip("no oneDNN here: there is nothing to try")
+    assert is_exact(loaded, request(0))
+    sensor = loaded.playback.recording.sensor
+    name = tuning._name(model, sensor.height, sensor.width)
+    keep_choice(name, {"precision": "fp32", "attention": "fused", "channels_last": False, "packed": False})
+    playbacks.try_kernels()
+    assert is_exact(loaded, request(0))

@@ -5,12 +5,16 @@ from dataclasses import replace
 
 import pytest
 
+from app.catalogue.cut import with_cut
 from app.catalogue.recordings import CatalogueError
+from app.engine.denoised import CleanedRecordings
 from app.session import presentation
+from app.session.loader import Opened, Plan, RecordingLoader
 from app.session.presentation import RELOADS_WITHIN, Presentation
 from app.state.view_state import ViewState
-from etnet.windows import ByCount
-from tests.app.stand_ins import Browser, served
+from etnet.live.buffer import Extent
+from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.stand_ins import Browser, Shelf, recording, served
 
 STATE = ViewState(recording_id="a", model_id="m", policy=ByCount(100))
 
@@ -86,3 +90,33 @@ def test_a_visitors_page_goes_where_the_presenter_goes():
 
     with served(presentation=Presentation()) as viewer:
         asyncio.run(story(viewer.port))
+
+
+def test_a_window_that_a_follower_has_not_yet_is_waited_for_at_its_last_one():
+    room = Presentation()
+    presenter = room.join(True, opens)
+    led = ViewState(recording_id="a", model_id="m", precision="fp32", policy=BetweenFrames())
+
+    async def story(port):
+        async with Browser.open(port, tab=1) as follower:
+            await follower.until_shown("Reconstruction of window 0", patience=60.0)
+            presenter.show(replace(led, index=40))
+            await follower.until_shown("window 29 of 0 – 29", patience=60.0)
+            presenter.show(replace(led, index=4))
+            await follower.until_shown("window 4 of 0 – 29", patience=60.0)
+            assert follower.notices == []
+
+    with served(presentation=room) as viewer:
+        asyncio.run(story(viewer.port))
+
+
+def test_of_a_window_that_is_not_there_nothing_is_said_to_have_left():
+    opened, policy = recording(), BetweenFrames()
+    windows = plan_windows(opened, policy)
+    held = RecordingLoader(Shelf(), CleanedRecordings(), print)
+    cut = with_cut(opened, policy, windows, extent=lambda: Extent(6000, 0, 0, 300_000, 0, 300_000, range(0)))
+    held._opened = Opened(Plan("a", policy), policy, cut, windows)
+    beyond = replace(STATE, policy=policy, index=40)
+    assert not held.has_left(beyond)
+    assert held.within(beyond).index == 29
+    assert held.within(replace(beyond, policy=ByCount(3))).index == 40, "another plan's windows are not counted"

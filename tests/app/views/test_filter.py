@@ -8,7 +8,7 @@ import pytest
 
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest, Ready
-from app.engine.warmth import first_warm, windows_seen
+from app.engine.warmth import first_warm, warm_up_steps, windows_seen
 from app.html.moment import Moment
 from app.html.provenance import ModelFacts
 from app.session.channel import parse
@@ -134,6 +134,9 @@ def test_a_state_is_warm_when_windows_and_events_suffice(density, index, seen):
     assert first is None or windows_seen(windows, first, 20, 1200, 0.05) == 20 > windows_seen(
         windows, first - 1, 20, 1200, 0.05
     )
+    steps = warm_up_steps(windows, 20, 1200, 0.05)
+    for each in range(len(windows)):
+        assert sum(step <= each for step in steps) == windows_seen(windows, each, 20, 1200, 0.05)
 
 
 def test_each_reason_comes_with_a_button_that_helps():

@@ -3,6 +3,7 @@
 import asyncio
 import itertools
 import time
+from threading import Event
 
 import pytest
 
@@ -16,23 +17,27 @@ from etnet.bundled import samples
 from etnet.live.source import Packet
 from tests.app.stand_ins import Browser
 from tests.app.views.live.viewers import SENSOR, live_viewer, press, replayed
+from tests.live.sources import wait_for
 from tests.strategies import make_events
 
 
 class Late:
-    """A source that says nothing for a while."""
+    """A source that says nothing for a while, and nothing any more once it is `still`."""
 
     name, format, sensor = "Stand-in 7", "made up", SENSOR
 
     def __init__(self, silent_for):
-        self.silent_for, self.replay = silent_for, replayed()
+        self.silent_for, self.replay, self.still = silent_for, replayed(), Event()
 
     def packets(self, is_stopped):
         until = time.monotonic() + self.silent_for
         while time.monotonic() < until and not is_stopped():
             time.sleep(0.02)
             yield Packet(make_events(0, SENSOR))
-        yield from self.replay.packets(is_stopped)
+        yield from itertools.takewhile(lambda packet: not self.still.is_set(), self.replay.packets(is_stopped))
+        while not is_stopped():
+            time.sleep(0.02)
+            yield Packet(make_events(0, SENSOR))
 
     def settings(self):
         return ()
@@ -61,6 +66,16 @@ def test_a_scene_that_stays_still_is_said_in_words(monkeypatch):
             rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda *done: None)
         waits = rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda *done: None, may_be_silent=True)
         assert waits.num_images == 0
+
+
+def test_a_scene_that_becomes_still_is_not_waited_for_for_ever(monkeypatch):
+    source = Late(0)
+    with live_viewer(source, is_demo=True) as viewer:
+        wait_for(lambda: viewer.feed.windows is not None and len(viewer.feed.windows.kept) > 0)
+        source.still.set()
+        monkeypatch.setattr(rehearsal, "LIVE_PATIENCE", 1.0)
+        made = rehearse(viewer.engine, viewer.catalogue, viewer.default, lambda *done: None)
+        assert 0 < made.num_images < rehearsal.LIVE_WINDOWS
 
 
 def test_the_whole_viewer_shows_a_live_source_in_public():
