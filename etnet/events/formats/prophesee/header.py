@@ -30,7 +30,7 @@ _PLUGINS = (
 )
 _VGA = (21, 23, 25, 28, 29, 33, 34, 35, 40, 41, 151, 153, 161, 162)
 _HD = (26, 30, 31, 39, 46, 48, 49, 50)
-_SYSTEMS = dict.fromkeys(_VGA, Sensor(640, 480)) | dict.fromkeys(_HD, Sensor(1280, 720))
+_SYSTEMS = {**{system: Sensor(640, 480) for system in _VGA}, **{system: Sensor(1280, 720) for system in _HD}}
 """By system_ID, as in OpenEB's device_system_id.h and psee_raw_file_header.cpp: of Gen 3 and 3.1, of Gen 4 on."""
 _LARGEST_HEADER = 1 << 16
 
