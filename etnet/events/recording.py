@@ -176,7 +176,7 @@ class Recording:
     """
     provenance: Provenance | None = None
     """How it was simulated, where the file tells."""
-    _blocks: OrderedDict[int, Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
+    _blocks: OrderedDict[tuple[int, int], Int64[np.ndarray, " n"]] = field(default_factory=OrderedDict, repr=False)
     _first_stamps: dict[int, int] = field(default_factory=dict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)
 
@@ -227,13 +227,15 @@ class Recording:
         return low * INDEX_BLOCK, min((low + 1) * INDEX_BLOCK, self.num_events)
 
     def _stamps(self, start: int, stop: int) -> Int64[np.ndarray, " n"]:
+        # Blocks may begin at one event and end at different ones: a block of a silent stretch holds no event.
+        block = (start, stop)
         with self._lock:
-            if start in self._blocks:
-                self._blocks.move_to_end(start)
-                return self._blocks[start]
+            if block in self._blocks:
+                self._blocks.move_to_end(block)
+                return self._blocks[block]
         stamps = np.array(self.source.read(start, stop).t)
         with self._lock:
-            self._blocks[start] = stamps
+            self._blocks[block] = stamps
             while len(self._blocks) > 8:
                 self._blocks.popitem(last=False)
         return stamps

@@ -25,6 +25,7 @@ from etnet.events.open import open_recording
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
 from tests.events.containers import all_events, assert_same_events
+from tests.events.formats.test_prophesee import evt3
 from tests.real_data import real_file
 from tests.strategies import make_events
 
@@ -208,6 +209,19 @@ def test_a_folder_that_cannot_be_written_keeps_nothing_and_the_file_opens(raw, t
     path, events = raw
     with open_recording(path) as recording:
         assert_same_events(all_events(recording), events)
+
+
+def test_indices_after_a_silent_stretch_do_not_depend_on_what_was_asked_before(tmp_path, monkeypatch):
+    monkeypatch.setattr(raw_index, "BLOCK_BYTES", 1 << 9)
+    # Two seconds with events, ten without, two with: words of time alone fill whole blocks.
+    stamps = np.array([*range(0, 2_000_000, 5000), *range(12_000_000, 14_000_000, 5000)])
+    path = tmp_path / "silent.raw"
+    path.write_bytes(evt3(stamps.tolist(), 14_000_000))
+    with open_recording(path) as recording:
+        start, stop = recording.source.bracket(7_000_000)
+        assert start == stop
+        for t in range(0, 14_000_000, 50_000):
+            assert recording.index_at(t) == np.searchsorted(stamps, t)
 
 
 def test_without_patience_a_part_is_shown_and_the_whole_the_next_time(raw):

@@ -99,6 +99,24 @@ def test_a_long_pause_is_as_long_when_read_again(layout, stamps, tmp_path):
         np.testing.assert_array_equal(eventcv.load(str(path)).numpy()[:, 2].astype(np.int64), stamps - stamps[0])
 
 
+QUIET = [*((layout, 1000, 20) for layout in LAYOUTS), *((layout, 150, 600) for layout in LAYOUTS)]
+"""Events, and seconds; a text has no place for its unit, and so little is not held to be a recording in seconds."""
+
+
+@pytest.mark.parametrize(
+    ("layout", "count", "seconds"), [one for one in QUIET if one[1] > 150 or one[0] not in ("text", "rpg")]
+)
+def test_a_quiet_recording_is_as_long_when_read_again(layout, count, seconds, tmp_path):
+    sensor = Sensor(346, 260)
+    random = random_events(np.random.default_rng(7), count, sensor)
+    stamps = np.sort(np.random.default_rng(8).integers(0, seconds * 10**6 + 1, count))
+    events = Events(random.x, random.y, stamps, random.p, sensor)
+    path = tmp_path / f"quiet{LAYOUTS[layout]}"
+    write_recording(recording_of_events(events), path, layout)
+    with open_recording(path, assume=Assumptions(width=346, height=260)) as back:
+        np.testing.assert_array_equal(all_events(back).t, stamps)
+
+
 def test_another_reader_finds_the_same_events_in_an_event_stream_and_in_aedat4(tmp_path):
     events = random_events(np.random.default_rng(5), 3000, Sensor(61, 43), first=900)
     for name in ("a.es", "a.aedat4"):

@@ -14,7 +14,7 @@ import numpy as np
 from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.base import Remarks
-from etnet.events.formats.column_names import column_keys, named_axis
+from etnet.events.formats.column_names import column_keys, named_axis, stated_unit
 from etnet.events.formats.column_views import Field, Rows, Vector
 from etnet.events.formats.table_order import table_order
 
@@ -23,6 +23,8 @@ _OTHER_WORDS = ("em", "aps", "imu", "trigger", "label", "labels", "bbox", "box",
 _RIGHT_WORDS = ("right", "cam1", "camera1", "1")
 _FEWEST_ROWS = 64
 """Of a table that is called nothing like events; a matrix of a calibration has fewer."""
+_LONGEST_UNIT = 64
+"""Bytes of the word for it."""
 _SAMPLES = 8
 _SAMPLE = 512
 
@@ -182,7 +184,14 @@ def _of_group(where: str, paths: dict[str, str], unit: TimeUnit | None, tree: Tr
     if "xy" in opened:
         pairs = Rows(opened["xy"], 2)
         columns |= {"x": Field(pairs, 0), "y": Field(pairs, 1)}
-    return Found(where, columns, unit, paths=tuple(paths.values()))
+    return Found(where, columns, unit or _unit_beside(paths["t"], tree), paths=tuple(paths.values()))
+
+
+def _unit_beside(path: str, tree: Tree) -> TimeUnit | None:
+    group, slash, _ = path.rpartition("/")
+    leaf = tree.get(f"{group}{slash}time_unit")
+    is_word = leaf is not None and leaf.shape == () and leaf.dtype.kind in "SU" and leaf.dtype.itemsize <= _LONGEST_UNIT
+    return stated_unit(leaf.open()[()]) if leaf is not None and is_word else None
 
 
 def _records(tree: Tree) -> list[_Place]:

@@ -54,6 +54,12 @@ def named_axis(name: str) -> tuple[str, TimeUnit | None] | None:
     return None if axis is None else (axis, unit if axis == "t" else None)
 
 
+def stated_unit(text: object) -> TimeUnit | None:
+    """The unit that the value of `time_unit` names, which our own files have beside their columns; None if none."""
+    word = text.decode("ascii", "replace") if isinstance(text, bytes) else text
+    return _unit(word.strip().lower()) if isinstance(word, str) else None
+
+
 def column_keys(keys: Iterable[str]) -> dict[str, str] | None:
     """Which of `keys` holds which of x, y, t and p; x and y may be one, under "xy". None if one is missing."""
     found: dict[str, list[str]] = {}

@@ -37,7 +37,9 @@ def write_npz(part: Part, path: Path) -> tuple[Remark, ...]:
                 np.lib.format.write_array_header_1_0(member, header)
                 for events in part.blocks():
                     member.write(getattr(events, axis).astype(dtype, copy=False).tobytes())
-        texts = {name: np.array(text.encode()) for name, text in part.attributes().items()}
+        # Without its unit a reader would have to judge what t counts, and a quiet scene misleads it.
+        named = {"time_unit": "us", **part.attributes()}
+        texts = {name: np.array(text.encode()) for name, text in named.items()}
         for name, value in {"width": np.array(sensor.width), "height": np.array(sensor.height), **texts}.items():
             with archive.open(f"{name}.npy", "w") as member:
                 np.lib.format.write_array(member, value)

@@ -17,6 +17,7 @@ import scipy.io
 from etnet.errors import RecordingError
 from etnet.events.events import Events, Sensor
 from etnet.events.formats import bounds
+from etnet.events.formats.aedat import aedat2
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events, assert_same_events
 from tests.strategies import make_events
@@ -133,6 +134,44 @@ def test_aedat2_that_names_its_chip_says_so_where_another_size_is_stated(tmp_pat
     with open_recording(path, assume=Assumptions(width=346, height=260)) as recording:
         assert all_events(recording).y.tolist() == [249]
         assert "sensor 346×260, as stated; the file says 240×180" in [remark.text for remark in recording.remarks]
+
+
+JAER = "#!AER-DAT2.0\r\n# AEChip: eu.seebetter.ini.chips.davis.Davis346blue\r\n"
+SETTINGS = '#<entry key="DAVIS240C.bias" value="1"/>\r\n'
+
+
+@pytest.mark.parametrize("num_lines", [0, 1, 10_000])
+def test_the_line_with_the_chip_counts_and_not_the_settings_of_others_however_many(num_lines, tmp_path):
+    # The data begins with the byte of "#".
+    words = struct.pack(">II", ord("#") << 24, 7) + struct.pack(">II", 259 << 22 | 345 << 12, 8)
+    path = tmp_path / "a.aedat"
+    path.write_bytes((JAER + num_lines * SETTINGS).encode() + words)
+    with open_recording(path) as recording:
+        assert str(recording.sensor) == "346×260"
+        found = all_events(recording)
+    assert (found.x.tolist(), found.y.tolist(), found.t.tolist()) == ([345, 0], [259 - 140, 0], [7, 8])
+
+
+def test_a_header_without_the_line_names_its_chip_anywhere(tmp_path):
+    path = tmp_path / "a.aedat"
+    path.write_bytes(("#!AER-DAT2.0\r\n" + SETTINGS).encode() + struct.pack(">II", 10 << 22, 0))
+    with open_recording(path) as recording:
+        assert str(recording.sensor) == "240×180"
+
+
+def test_a_header_without_end_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(aedat2, "_LONGEST_HEADER", 1000)
+    path = tmp_path / "a.aedat"
+    path.write_bytes((JAER + 100 * SETTINGS).encode() + struct.pack(">II", 10 << 22, 0))
+    with pytest.raises(RecordingError, match=r"header.*more than 0\.001 MB"):
+        open_recording(path)
+
+
+def test_aedat_3_0_is_refused_by_its_name(tmp_path):
+    path = tmp_path / "a.aedat"
+    path.write_bytes(b"#!AER-DAT3.0\r\n#Format: RAW\r\n#Source 1: DAVIS240C\r\n" + bytes(100))
+    with pytest.raises(RecordingError, match=r"AEDAT 3\.0.*3\.1 is read: save it"):
+        open_recording(path)
 
 
 def test_a_32_bit_clock_that_begins_anew_goes_on(tmp_path):

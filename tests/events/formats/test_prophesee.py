@@ -134,3 +134,62 @@ def test_two_recordings_in_one_file_are_named_and_not_flattened(tmp_path: Path, 
     path.write_bytes(content + data)
     with pytest.raises(RecordingError, match="the clock restarts"):
         open_recording(path)
+
+
+def busy_evt21(is_dense: bool) -> np.ndarray:
+    """A high time every 64 µs, and after each a hundred words with one pixel or about half of them set."""
+    rng = np.random.default_rng(0)
+    words = []
+    for high in range(300):
+        masks = rng.integers(0, 1 << 32, 100) if is_dense else 1 << rng.integers(0, 32, 100)
+        words.append(0x8 << 60 | (1000 + high) << 32)
+        words += [i % 2 << 60 | 64 * i // 100 << 54 | i % 30 << 32 | int(mask) for i, mask in enumerate(masks)]
+    return np.array(words, "<u8")
+
+
+ORDERS = [
+    # What the header says, whether the halves are swapped, and whether that is a guess.
+    ("", False, False),
+    ("", True, True),
+    ("% endianness legacy\n", True, False),
+    ("% format EVT21;endianness=legacy;height=32;width=64\n", True, False),
+    ("% format EVT21;height=32;width=64\n% plugin_name hal_plugin_imx636_evk4\n% system_ID 49\n", True, True),
+    ("% format EVT21;endianness=little;height=32;width=64\n% endianness legacy\n", False, False),
+]
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+@pytest.mark.parametrize("is_dense", [False, True])
+@pytest.mark.parametrize(("said", "is_swapped", "is_guess"), ORDERS, ids=range(len(ORDERS)))
+def test_halves_of_evt21_lie_as_the_option_or_key_says_else_as_times_ascend(
+    tmp_path: Path, monkeypatch, said: str, is_swapped: bool, is_guess: bool, is_dense: bool, is_large: bool
+):
+    monkeypatch.setenv("ETNET_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(prophesee, "INDEXED_BYTES", 0 if is_large else 64 << 20)
+    words = busy_evt21(is_dense)
+    plain, path = tmp_path / "plain.raw", tmp_path / "a.raw"
+    plain.write_bytes(b"% evt 2.1\n% endianness little\n% geometry 64x32\n% end\n" + words.tobytes())
+    data = words.view("<u4").reshape(-1, 2)[:, ::-1] if is_swapped else words
+    path.write_bytes(f"% evt 2.1\n{said}% geometry 64x32\n% end\n".encode() + data.tobytes())
+    with open_recording(plain) as wanted, open_recording(path) as recording:
+        found, theirs = recording.read(0, recording.num_events), wanted.read(0, wanted.num_events)
+        for axis in "xytp":
+            np.testing.assert_array_equal(getattr(found, axis), getattr(theirs, axis))
+        told = [remark.text for remark in recording.remarks if "halves" in remark.text]
+    assert told == (["the halves of the file's words are swapped: so their times ascend"] if is_guess else [])
+
+
+VGA, HD = "640×480", "1280×720"
+
+
+@pytest.mark.parametrize(
+    ("system", "size"), [(21, VGA), (28, VGA), (29, VGA), (34, VGA), (151, VGA), (26, HD), (49, HD)]
+)
+def test_a_system_id_tells_the_sensor_where_nothing_else_does(tmp_path: Path, system: int, size: str):
+    content = evt2([(1000 * i, i, i, i % 2) for i in range(6)])
+    path = tmp_path / "a.raw"
+    path.write_bytes(content.replace(b"% geometry 64x32", f"% system_ID {system}".encode()))
+    with open_recording(path) as recording:
+        assert str(recording.sensor) == size
+        told = [remark.text for remark in recording.remarks if "system_ID" in remark.text]
+    assert told == [f"sensor {size}, that of system_ID {system}; the header names none: --assume overrules"]

@@ -107,7 +107,20 @@ def test_libcaer_words_follow_their_layout():
     content = b"".join(struct.pack("<II", *word) for word in words)
     events = decode_libcaer(Packet(20, 20, 7_000_000, "libcaer", content))
     assert (events.x.tolist(), events.y.tolist(), events.p.tolist()) == ([9, 8], [5, 6], [1, 0])
-    assert events.t.tolist() == [7000, 7003]
+    assert events.t.tolist() == [7100, 7103]
+
+
+def test_libcaer_packets_share_a_time_base_until_the_sensors_31_bits_turn():
+    began, turn = 10**18, 1 << 31
+    clock = [100, 1_000_100, turn - 2, turn - 2, turn + 3, turn + 9]
+    packets = [clock[:1], clock[1:2], clock[2:5], clock[5:]]
+    stamps: list[int] = []
+    for packet in packets:
+        # The driver's rule: the start in ns, and of the first event's time what 31 bits do not hold.
+        base = began + packet[0] // turn * turn * 1000
+        content = b"".join(struct.pack("<II", 1, t % turn) for t in packet)
+        stamps += decode_libcaer(Packet(20, 20, base, "libcaer", content)).t.tolist()
+    assert stamps == [began // 1000 + t for t in clock]
 
 
 def test_compressed_libcaer_words_follow_their_layout():

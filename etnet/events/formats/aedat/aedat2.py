@@ -7,6 +7,7 @@ the same way round; v2e writes its files for that.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -32,7 +33,10 @@ _FARTHEST = Sensor(1 << 10, 1 << 9)
 """What the bits of a DAVIS address can reach."""
 
 _PERIOD = 1 << 32
-_LONGEST_HEADER = 1 << 18
+_LONGEST_HEADER = 16_000_000
+_LONGEST_LINE = 1 << 18
+_PRINTABLE = bytes((9, 13, *range(32, 256)))
+_CHIP_LINE = re.compile(r"^#[ \t]*aechip[ \t]*:(.*)$", re.MULTILINE)
 
 
 @dataclass
@@ -44,31 +48,40 @@ class _Other:
     num_turns: int = 0
 
 
-def header_end(block: bytes) -> int:
-    """Where the lines that begin with # end. Data may begin with that byte too, so a line must be printable."""
-    place = 0
-    while block[place : place + 1] == b"#":
-        stop = block.find(b"\n", place)
-        if stop < 0 or any(byte < 32 and byte not in (9, 13) for byte in block[place:stop]):
-            break
-        place = stop + 1
-    return place
+def _read_header(request: Request) -> bytes:
+    """The lines that begin with #. Data may begin with that byte too, so a line must be printable."""
+    header = bytearray()
+    with request.path.open("rb") as file:
+        while (line := file.readline(_LONGEST_LINE)).startswith(b"#") and line.endswith(b"\n"):
+            if line[:-1].translate(None, _PRINTABLE):
+                break
+            header += line
+            if len(header) > _LONGEST_HEADER:
+                raise RecordingError(
+                    f"{request.name}: its header of lines that begin with # takes more than "
+                    f"{_LONGEST_HEADER / 1e6:g} MB; jAER writes less: shorten it, or save the recording again"
+                )
+    return bytes(header)
+
+
+def _named_sensor(header: str) -> Sensor | None:
+    """That of the line "AEChip:"; jAER may write the settings of every chip that it knows behind it."""
+    line = _CHIP_LINE.search(header)
+    told = header if line is None else line[1]
+    return next((sensor for chip, sensor in _CHIPS if chip in told), None)
 
 
 def _open(request: Request) -> Opened:
     remarks = Remarks()
-    with request.path.open("rb") as file:
-        block = file.read(_LONGEST_HEADER)
-    start = header_end(block)
-    header = block[:start].decode("latin-1").lower()
-    size = request.path.stat().st_size - start
+    header = _read_header(request)
+    size = request.path.stat().st_size - len(header)
     if size < 8:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if size % 8:
         remarks.repaired(f"{size % 8} bytes after the last whole event were left out; the file may be truncated")
-    words = RowsOnDisk(request.path, ">u4", start, (size // 8, 2))
+    words = RowsOnDisk(request.path, ">u4", len(header), (size // 8, 2))
     request.resources.callback(words.close)
-    declared = next((sensor for chip, sensor in _CHIPS if chip in header), None)
+    declared = _named_sensor(header.decode("latin-1").lower())
     chip = declared or _judged_sensor(words)
     if declared is None and request.assume.sensor is None:
         remarks.assumed(f"sensor {chip}: the header names no chip and the addresses fit it; --assume overrules")

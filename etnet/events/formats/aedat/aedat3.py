@@ -48,6 +48,11 @@ def _open(request: Request) -> Opened:
     remarks = Remarks()
     with request.path.open("rb") as file:
         block = file.read(1 << 16)
+    if block.startswith(b"#!AER-DAT3.0"):
+        raise RecordingError(
+            f"{request.name}: an AEDAT 3.0 file, whose y counts from the bottom and whose header may have no end; 3.1 "
+            "is read: save it as AEDAT 3.1 RAW with cAER"
+        )
     end = block.find(_END)
     stop = block.find(b"\n", end) + 1
     if end < 0 or stop == 0:

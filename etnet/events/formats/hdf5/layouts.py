@@ -15,6 +15,7 @@ from etnet.errors import RecordingError
 from etnet.events.events import Sensor
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.column_finder import Columns, Found, Tree, find_events
+from etnet.events.formats.column_names import stated_unit
 from etnet.events.formats.column_views import Field, Rows
 from etnet.events.formats.declared_size import sensor_resolution, size_beside
 from etnet.events.formats.frames import Frames, found_frames
@@ -94,6 +95,7 @@ def _open_event_utils(request: Request, file: h5py.File, paths: tuple[str, str, 
         "event_utils HDF5",
         {"x": x, "y": y, "t": t, "p": p},
         size_in(request, file, tree, "events"),
+        settled=stated_unit(file.attrs.get("time_unit")),
         usual="s" if t.dtype.kind == "f" else None,
         frames=frames_in(request, file, tree, remarks),
     )

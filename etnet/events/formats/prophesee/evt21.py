@@ -1,8 +1,9 @@
 """Prophesee EVT 2.1: 64-bit words, each with a base pixel and a mask of 32 pixels to its right.
 
 Layout: docs.prophesee.ai, "EVT 2.1 format": type 4 bits, low time 6, x 11, y 11, mask 32; type 8 carries the high 28
-bits of the time, type 10 an edge on a trigger input. With the header's "endianness legacy" the two halves of a word are
-swapped. Readers that look only at "evt 2" take it for EVT 2.0 and give twice the events, all wrong.
+bits of the time, type 10 an edge on a trigger input. Cameras up to the IMX636 send the two halves of a word swapped, in
+OpenEB's words "endianness legacy"; older headers and ROS packets do not say so. Readers that look only at "evt 2" take
+it for EVT 2.0 and give twice the events, all wrong.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int64, UInt64
 
+from etnet.events.formats.base import Remarks
 from etnet.events.formats.decode import Decoded
 from etnet.events.formats.prophesee.evt2_evt3 import (
     TRIGGER,
@@ -44,7 +46,7 @@ def decode_evt21(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) ->
 
 
 def _decode_legacy(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) -> tuple[Decoded, State]:
-    return decode_evt21((words << np.uint64(32)) | (words >> np.uint64(32)), state, notes)
+    return decode_evt21(_swapped(words), state, notes)
 
 
 def _skim(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) -> tuple[int, State]:
@@ -57,8 +59,35 @@ def _skim_legacy(words: UInt64[np.ndarray, " n"], state: State, notes: Notes) ->
     return len(decoded.t), after
 
 
-EVT21 = Version(np.dtype("<u8"), decode_evt21, _skim)
-EVT21_LEGACY = Version(np.dtype("<u8"), _decode_legacy, _skim_legacy)
+def _swapped(words: UInt64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
+    return (words << np.uint64(32)) | (words >> np.uint64(32))
+
+
+EVT21 = Version("2.1", np.dtype("<u8"), decode_evt21, _skim)
+EVT21_LEGACY = Version("2.1 legacy", np.dtype("<u8"), _decode_legacy, _skim_legacy)
+
+
+def judged_version(content: bytes, what: str, remarks: Remarks) -> Version:
+    """By the order of halves in which the times of these words ascend; said where they are swapped.
+
+    `what` they are the words of.
+    """
+    words = np.frombuffer(content[: len(content) // 8 * 8], "<u8")
+    if _share_forward(_swapped(words)) > _share_forward(words):
+        remarks.assumed(f"the halves of {what}'s words are swapped: so their times ascend")
+        return EVT21_LEGACY
+    return EVT21
+
+
+def _share_forward(words: UInt64[np.ndarray, " n"]) -> float:
+    """Of the steps from one high time to a different one those forward, and nearer to a half the fewer there are.
+
+    A mask in the place of a type may look like one of time: such times repeat, or go back as often as forward.
+    """
+    times = (words[words >> np.uint64(60) == _HIGH] >> np.uint64(32)).astype(np.int64)
+    steps = np.diff(times, prepend=0)
+    forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    return (forward + 1) / (forward + back + 2)
 
 
 def _stamps(words: UInt64[np.ndarray, " n"], high: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " n"]:

@@ -55,8 +55,9 @@ Skim = Callable[[np.ndarray, State, Notes], tuple[int, State]]
 
 @dataclass(frozen=True)
 class Version:
-    """How one EVT version's words are read."""
+    """How one EVT version's words are read. Indices are kept under its name."""
 
+    name: str
     word: np.dtype
     decode: Decode
     skim: Skim
@@ -149,8 +150,8 @@ def _skim_evt3(words: UInt16[np.ndarray, " n"], state: State, notes: Notes) -> t
 
 
 EVT = {
-    "2.0": Version(np.dtype("<u4"), decode_evt2, _skim_evt2),
-    "3.0": Version(np.dtype("<u2"), decode_evt3, _skim_evt3),
+    "2.0": Version("2.0", np.dtype("<u4"), decode_evt2, _skim_evt2),
+    "3.0": Version("3.0", np.dtype("<u2"), decode_evt3, _skim_evt3),
 }
 
 

@@ -28,7 +28,10 @@ _PLUGINS = (
     ("imx636", Sensor(1280, 720)),
     ("genx320", Sensor(320, 320)),
 )
-_SYSTEMS = {21: Sensor(640, 480), 28: Sensor(1280, 720), 29: Sensor(1280, 720), 49: Sensor(1280, 720)}
+_VGA = (21, 23, 25, 28, 29, 33, 34, 35, 40, 41, 151, 153, 161, 162)
+_HD = (26, 30, 31, 39, 46, 48, 49, 50)
+_SYSTEMS = {**{system: Sensor(640, 480) for system in _VGA}, **{system: Sensor(1280, 720) for system in _HD}}
+"""By system_ID, as in OpenEB's device_system_id.h and psee_raw_file_header.cpp: of Gen 3 and 3.1, of Gen 4 on."""
 _LARGEST_HEADER = 1 << 16
 
 
@@ -48,17 +51,22 @@ class Header:
         return {"EVT2": "2.0", "EVT21": "2.1", "EVT3": "3.0"}.get(name)
 
     @property
-    def layout(self) -> str:
-        """The EVT version, and whether the halves of its words are swapped."""
-        is_legacy = self.version == "2.1" and self.fields.get("endianness", "little") == "legacy"
-        return f"{self.version} legacy" if is_legacy else str(self.version)
+    def is_legacy(self) -> bool | None:
+        """Whether the halves of EVT 2.1's words are swapped; None where the header does not say."""
+        order = self._options.get("endianness") or self.fields.get("endianness")
+        return None if order is None else order == "legacy"
+
+    @property
+    def _options(self) -> dict[str, str]:
+        """Of "format EVT21;endianness=legacy;height=720;width=1280" what follows the name."""
+        parts = (part.split("=", 1) for part in self.fields.get("format", "").split(";") if "=" in part)
+        return {key.strip(): value.strip() for key, value in parts}
 
     def sensor(self, name: str, remarks: Remarks, is_stated: bool) -> Sensor | None:
         """From geometry, format or (saying so) the camera's model."""
         sides = self.fields.get("geometry", "").split("x")
-        options = dict(part.split("=", 1) for part in self.fields.get("format", "").split(";") if "=" in part)
         if len(sides) != 2:
-            sides = [options.get("width", ""), options.get("height", "")]
+            sides = [self._options.get("width", ""), self._options.get("height", "")]
         if len(sides) != 2 or not all(side.strip().isdigit() for side in sides):
             sides = [self.fields.get("Width", ""), self.fields.get("Height", "")]
         if all(side.strip().isdigit() for side in sides):

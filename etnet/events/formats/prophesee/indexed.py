@@ -105,7 +105,7 @@ def open_indexed(
     """The events by slice; the index from the cache folder, else made now as far as the request's patience goes."""
     unchanged = Unchanged(request)
     blocks, t0 = _blocks(request, header, version, remarks)
-    index, growth = index_of(request, blocks, header.layout, remarks)
+    index, growth = index_of(request, blocks, version.name, remarks)
     if index["before"][-1] == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     _say(index["notes"], int(index["before"][-1]), request.name, remarks)

@@ -16,7 +16,7 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request, containe
 from etnet.events.formats.bounds import declared_sensor
 from etnet.events.formats.decode import Collected, Decoded, collect
 from etnet.events.formats.prophesee.evt2_evt3 import EVT, Version
-from etnet.events.formats.prophesee.evt21 import EVT21, EVT21_LEGACY
+from etnet.events.formats.prophesee.evt21 import EVT21, judged_version
 from etnet.events.formats.prophesee.index import BLOCK_BYTES
 from etnet.events.formats.prophesee.indexed import decode_words
 from etnet.events.formats.ros.bag1 import read_bag
@@ -208,20 +208,10 @@ def _from_stream(bag: _Bag, first: Packet, parts: Iterator[Decoded | Packet], re
 
 
 def _version(first: Packet, remarks: Remarks) -> Version:
-    """EVT 2.1 comes in two orders of its halves: in the right one the times ascend."""
+    """EVT 2.1 comes in two orders of its halves, which packets do not tell."""
     if first.encoding != "evt21":
         return _STREAMS[first.encoding]
-    words = np.frombuffer(first.content[: len(first.content) // 8 * 8], "<u8")
-    if _num_ascending(words << np.uint64(32) | words >> np.uint64(32)) > _num_ascending(words):
-        remarks.assumed("the halves of the packets' words are swapped: so their times ascend")
-        return EVT21_LEGACY
-    return EVT21
-
-
-def _num_ascending(words: np.ndarray) -> int:
-    """How many words with a high time are not before the one before them."""
-    times = (words[words >> np.uint64(60) == 8] >> np.uint64(32)).astype(np.int64)
-    return int(np.count_nonzero(np.diff(times, prepend=0) >= 0)) if len(times) else 0
+    return judged_version(first.content, "the first packet", remarks)
 
 
 def _joined(first: Packet, parts: Iterator[Decoded | Packet]) -> Iterator[list[Packet]]:

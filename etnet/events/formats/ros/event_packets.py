@@ -12,16 +12,23 @@ from etnet.events.formats.decode import Decoded
 from etnet.events.formats.ros.messages import Packet
 from etnet.events.formats.word_stream import held, set_bits
 
+_CLOCK_BITS = 31
+_HALF_TURN = 1 << 30
+"""µs. A step back by more is a turn of the clock within a packet."""
+
 _TIME_HIGH, _TIME_LOW, _X, _Y, _VECTOR_BASE, _VECTOR = range(6)
 
 
 def decode_libcaer(packet: Packet) -> Decoded:
-    """Words (u32 data, u32 t in µs) as libcaer has them: valid 1, polarity 1, y 15, x 15 bits."""
+    """Words (u32 data, u32 t in µs) as libcaer has them: valid 1, polarity 1, y 15, x 15 bits.
+
+    `time_base` stands for the clock's 31 bits at 0, not for the first event: packets share it for 35.8 minutes.
+    """
     words = np.frombuffer(packet.content, "<u4", len(packet.content) // 8 * 2).reshape(-1, 2)
     words = words[(words[:, 0] & 1) == 1]
-    data, first = words[:, 0], words[:1, 1].astype(np.int64)
-    since = (words[:, 1].astype(np.int64) - first) & 0xFFFFFFFF
-    stamps = from_nanoseconds(since * 1000 + packet.time_base)
+    data, low = words[:, 0], words[:, 1].astype(np.int64)
+    turns = np.cumsum(np.diff(low, prepend=low[:1]) < -_HALF_TURN)
+    stamps = from_nanoseconds((low + (turns << _CLOCK_BITS)) * 1000 + packet.time_base)
     return Decoded(data >> 17, (data >> 2) & 0x7FFF, stamps, (data >> 1) & 1)
 
 
