@@ -166,16 +166,19 @@ class KeptFrames:
             return None
 
     def _learned(self, disk: DiskCache, request: FrameRequest, loaded: LoadedPlayback) -> _Named | None:
+        from torch import nn
+
         from etnet.nets.fingerprint import weights_sha256
         from etnet.nets.tuning import runs_as_loaded
 
         model, recording, contract = loaded.playback.model, loaded.playback.recording, loaded.contract
+        assert isinstance(model, nn.Module), "learn asks of no other"
         name = self._note_name(request, recording)
         if name is None:
             return None
         weights, size = weights_sha256(model), recording.sensor
         # The next start finds the note by what is measured by now: nothing is noted that it would not come to itself.
-        if not hasattr(model, "runtime") or runs_as_loaded(model, size.height, size.width):
+        if not hasattr(model, "runtime") or runs_as_loaded(model, size.height, size.width):  # pyright: ignore[reportArgumentType]
             notes, note = _notes(disk), {"weights": weights, "contract": asdict(contract)}
             if notes.get(name) != note:
                 kept = dict(list(notes.items())[1 - MOST_NOTES :])
