@@ -140,7 +140,7 @@ class LiveSteps:
 
         Where all of these rest the source goes on with the one it began with; `None` where that rests, too.
         """
-        watched = [(request.model_id, request.precision) for request in self._watched()]
+        watched: list[Network] = [(request.model_id, request.precision) for request in self._watched()]
         wished = [self._led] if self._led in watched or not watched else []
         now = time.monotonic()
         return next((each for each in (*wished, *watched, self._home) if now >= self._resting.get(each, 0.0)), None)
