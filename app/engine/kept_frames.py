@@ -169,7 +169,8 @@ class KeptFrames:
         from etnet.nets.fingerprint import weights_sha256
         from etnet.nets.tuning import runs_as_loaded
 
-        model, recording, contract = loaded.playback.model, loaded.playback.recording, loaded.contract
+        model: Any = loaded.playback.model
+        recording, contract = loaded.playback.recording, loaded.contract
         name = self._note_name(request, recording)
         if name is None:
             return None
