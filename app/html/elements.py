@@ -27,15 +27,18 @@ def picture(
     marks: Iterable[str] = (),
     classes: str = "",
     size: tuple[int, int] | None = None,
+    area: tuple[int, int, int, int] | None = None,
     style: str = "",
     reads: str = "",
 ) -> str:
     """An image in a frame. A click on it sends `key` (`data-k`), if there is one.
 
-    `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click. `reads`
-    says what a colour stands for (`app.html.pictures`): the browser then tells the value under the pointer.
+    `size` (width, height) keeps its place before it is decoded; `marks` lie over it and never take a click. `area` (x,
+    y, width, height) is what it shows of the sensor, where its own pixels are not the sensor's. `reads` says what a
+    colour stands for (`app.html.pictures`): the browser then tells the value under the pointer.
     """
     measures = f' width="{size[0]}" height="{size[1]}"' if size else ""
+    shown = f' data-area="{",".join(map(str, area))}"' if area else ""
     picking = f' data-k="{escape(key)}" {ON_PICK}' if key else ""
     ratio = f"--ratio:{size[0] / size[1]:.4f};" if size else ""
     css = f' style="{ratio}{style}"' if ratio or style else ""
@@ -43,7 +46,7 @@ def picture(
     values = f' data-reads="{escape(reads)}"' if reads else ""
     return (
         f'<span class="et-picture{pickable} {classes}"{css}{values}>'
-        f'<img src="{url}" alt="{escape(alt)}"{measures}{picking} draggable="false">{"".join(marks)}</span>'
+        f'<img src="{url}" alt="{escape(alt)}"{measures}{shown}{picking} draggable="false">{"".join(marks)}</span>'
     )
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float32, Shaped
 from app.catalogue.cut import CutRecording
 from app.html.moment import ARRAYS, Moment
 from etnet.events.recording import Span
-from etnet.render.timeline import RateCurve, rate_curve
+from etnet.render.timeline import MICROSECONDS, RateCurve, rate_curve
 
 AXIS_WIDTH = 1000
 """Of the strip's drawing: the recording's first event lies at 0, its last one at the width."""
@@ -70,6 +70,18 @@ def axis_of(moment: Moment) -> Span:
     """What the strip runs over, µs: the recording, or of a live one what is still held since the network began."""
     recording = moment.recording
     return recording.axis if isinstance(recording, CutRecording) else recording.span
+
+
+def seconds_of(moment: Moment) -> tuple[float, float]:
+    """Where the axis begins and ends, in seconds since the recording's first event."""
+    axis, first = axis_of(moment), moment.recording.span.start
+    return (axis.start - first) / MICROSECONDS, (axis.stop - first) / MICROSECONDS
+
+
+def span_of(moment: Moment) -> str:
+    """The same, as what is dragged along the axis says them: "0,1.500000"."""
+    begin, end = seconds_of(moment)
+    return f"{begin:.6f},{end:.6f}" if begin else f"0,{end:.6f}"
 
 
 def curve_of(moment: Moment) -> RateCurve:

@@ -56,5 +56,9 @@ def voxel_tiles(
 
 def voxel_levels(grid: Float[np.ndarray, "n h w"], tile_width: int, limit: float) -> UInt8[np.ndarray, "n hs ws"]:
     """The same tiles as places in the ramp `diverging`."""
-    factor = max(1, round(grid.shape[-1] / tile_width))
-    return diverging_levels(signed_max_pool(grid, factor), limit)
+    return diverging_levels(signed_max_pool(grid, pooled_by(grid.shape[-1], tile_width)), limit)
+
+
+def pooled_by(width: int, tile_width: int) -> int:
+    """How many pixels of a grid a tile's pixel is wide."""
+    return max(1, round(width / tile_width))

@@ -17,8 +17,8 @@
   const scrub = (by) => {
     const track = document.querySelector(".etv-track[data-k]");
     if (!track) return;
-    const [now, end] = [Number(track.getAttribute("aria-valuenow")), Number(track.getAttribute("aria-valuemax"))];
-    say("pick", track.dataset.k, inside((now + by * end * 0.02) / end).toFixed(5), 0);
+    const [now, begin, end] = ["now", "min", "max"].map((name) => Number(track.getAttribute(`aria-value${name}`)));
+    say("pick", track.dataset.k, inside((now - begin) / (end - begin) + by * 0.02).toFixed(5), 0);
   };
   const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   let last = 0;

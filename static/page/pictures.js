@@ -196,10 +196,12 @@
     const box = image.getBoundingClientRect();
     const [u, v] = [(pointer.x - box.left) / box.width, (pointer.y - box.top) / box.height];
     if (u < 0 || v < 0 || u >= 1 || v >= 1) return;
-    const [width, height] = [Number(image.getAttribute("width")) || image.naturalWidth, Number(image.getAttribute("height")) || image.naturalHeight];
+    const sides = [image.getAttribute("width") || image.naturalWidth, image.getAttribute("height") || image.naturalHeight];
+    const [x, y, width, height] = (image.dataset.area?.split(",") ?? [0, 0, ...sides]).map(Number);
     const own = valueAt(image, u, v);
     if (box.width < 90 && !own) return;
-    write(image, `x ${Math.floor(u * width)}, y ${Math.floor(v * height)}${own ? ` · ${own}` : ""}`, true);
+    const at = `x ${Math.floor(x + u * width)}, y ${Math.floor(y + v * height)}`.replaceAll("-", "−");
+    write(image, own ? `${at} · ${own}` : at, true);
     if (!isLocked || !picture.closest(".etv-staged")) return;
     for (const other of document.querySelectorAll(".etv-staged .et-picture > img")) {
       const isSeen = other !== image && other.naturalWidth && other.checkVisibility() && other.parentNode.clientWidth >= WIDE;

@@ -9,7 +9,7 @@ from app.html.elements import ON_PICK, empty, escape, marker, picture
 from app.html.moment import ARRAYS, PICTURES, Moment
 from app.html.pictures import camera_image
 from app.html.pictures import reconstruction_image as grey_image
-from app.html.timeline_marks import AXIS_WIDTH, curve_of, place_of, plan_of
+from app.html.timeline_marks import AXIS_WIDTH, curve_of, place_of, plan_of, seconds_of, span_of
 from app.views.demo.map import map_html
 from app.views.demo.sheets import delay_html
 from app.views.demo.state import Act, DemoState
@@ -197,12 +197,13 @@ def track_html(moment: Moment | None) -> str:
     """The recording's time as one wide slider; its height is how much happened."""
     if moment is None:
         return '<div class="etv-track" data-testid="track"></div>'
-    duration = moment.recording.span.duration / 1e6
+    begin, end = seconds_of(moment)
     at = place_of(moment, moment.window.t_stop) / AXIS_WIDTH
     shape = ARRAYS.get(("demo track", *plan_of(moment)), lambda: _shape(moment), len)
     return (
-        f'<div class="etv-track" data-testid="track" role="slider" tabindex="0" aria-label="Time" aria-valuemin="0"'
-        f' aria-valuemax="{duration:.2f}" aria-valuenow="{at * duration:.2f}" data-k="span:0,{duration:.6f}"'
+        f'<div class="etv-track" data-testid="track" role="slider" tabindex="0" aria-label="Time"'
+        f' aria-valuemin="{begin:.2f}" aria-valuemax="{end:.2f}" aria-valuenow="{begin + at * (end - begin):.2f}"'
+        f' data-k="span:{span_of(moment)}"'
         f' data-drag="1" {ON_PICK} style="--x:{at:.3%}"><svg viewBox="0 0 {AXIS_WIDTH} {_TRACK}"'
         f' preserveAspectRatio="none" aria-hidden="true"><path d="{shape}"/></svg><b></b></div>'
     )

@@ -10,7 +10,18 @@ import numpy as np
 from app.catalogue.cut import is_live
 from app.html.elements import ON_PICK, escape, icon, icon_button, panel, segmented
 from app.html.moment import ARRAYS, Moment
-from app.html.timeline_marks import AXIS_WIDTH, Cached, NothingCached, axis_of, curve_of, place_of, places_of, plan_of
+from app.html.timeline_marks import (
+    AXIS_WIDTH,
+    Cached,
+    NothingCached,
+    axis_of,
+    curve_of,
+    place_of,
+    places_of,
+    plan_of,
+    seconds_of,
+    span_of,
+)
 from app.html.units import count, of_whole, rate, seconds
 from app.state.view_state import ViewState
 from app.views.timeline.state import SPEEDS, speed_of
@@ -39,19 +50,17 @@ def timeline_html(
 
     `approximate` and `changed` are the windows that are so; `over` is SVG in the strip's measure, drawn last.
     """
-    window, axis = moment.window, axis_of(moment)
-    duration, start = axis.duration / MICROSECONDS, (axis.start - moment.recording.span.start) / MICROSECONDS
-    begin = f"{start:.6f}" if start else "0"
+    window, (start, stop) = moment.window, seconds_of(moment)
     left, right = place_of(moment, window.t_start), place_of(moment, window.t_stop)
     now = f'<rect x="{left:.2f}" y="0" width="{max(right - left, 1):.2f}" height="{_FLOOR}" fill="#ffffff2e"/>'
     lane = _lane(moment, cached or NothingCached(), approximate, changed)
     strip = (
         '<div class="et-strip" data-testid="strip">'
-        f'<div class="et-axis" data-k="span:{begin},{start + duration:.6f}" data-drag="1"'
-        f' data-start="{start:.6f}" data-duration="{duration:.6f}" {ON_PICK}>{_between(moment, state)}'
+        f'<div class="et-axis" data-k="span:{span_of(moment)}" data-drag="1"'
+        f' data-start="{start:.6f}" data-duration="{stop - start:.6f}" {ON_PICK}>{_between(moment, state)}'
         f'<svg viewBox="0 0 {AXIS_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
         f"{_background(moment)}{now}{lane}{over}</svg>{_triggers(moment)}"
-        f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_marks(moment, state, duration)}'
+        f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_marks(moment, state)}'
         f"{_seconds(moment)}</div></div>"
     )
     return panel("timeline", strip)
@@ -116,12 +125,12 @@ def _between(moment: Moment, state: ViewState | None) -> str:
     return f'<i class="et-between" style="left:{left:.3%};width:{right - left:.3%}"></i>'
 
 
-def _marks(moment: Moment, state: ViewState | None, duration: float) -> str:
+def _marks(moment: Moment, state: ViewState | None) -> str:
     """Handles that are dragged along the axis."""
     if state is None:
         return ""
     return "".join(
-        f'<b class="et-mark" data-k="mark:{name}:0,{duration:.6f}" data-drag="1" {ON_PICK}'
+        f'<b class="et-mark" data-k="mark:{name}:{span_of(moment)}" data-drag="1" {ON_PICK}'
         f' title="{name.upper()}: drag it, or set it here with the key {key}"'
         f' style="left:{place_of(moment, stamp) / AXIS_WIDTH:.3%}">{name.upper()}</b>'
         for name, key, stamp in (("a", "I", state.mark_a), ("b", "O", state.mark_b))
@@ -169,13 +178,13 @@ def _boxes(moment: Moment, ranges: Sequence[range], y: int, height: int, colour:
 
 def _seconds(moment: Moment) -> str:
     """Labels at round times since the first event."""
-    axis = axis_of(moment)
-    duration, start = axis.duration / MICROSECONDS, (axis.start - moment.recording.span.start) / MICROSECONDS
+    start, stop = seconds_of(moment)
+    duration = stop - start
     if duration <= 0:
         return ""
     step = nice_step(duration, _NUM_SECONDS)
     digits = max(0, min(3, -int(f"{step:e}".split("e")[1])))
-    first, last = math.ceil(start / step - 1e-9), math.floor((start + duration) / step + 1e-9)
+    first, last = math.ceil(start / step - 1e-9), math.floor(stop / step + 1e-9)
     labels = [_tick((i * step - start) / duration, seconds(i * step, digits)) for i in range(first, last + 1)]
     return f'<div class="et-seconds">{"".join(labels)}</div>'
 

@@ -7,7 +7,7 @@ from app.html.moment import NUM_BINS, PICTURES, Moment
 from app.html.units import bin_words, short
 from etnet.render.colours import css_gradient, diverging
 from etnet.render.encode import Indexed, data_url
-from etnet.render.voxels import voxel_levels, voxel_limit
+from etnet.render.voxels import pooled_by, voxel_levels, voxel_limit
 from etnet.voxel import MIN_EVENTS
 
 TILE_WIDTH = 120
@@ -28,6 +28,7 @@ def _voxel_html(moment: Moment, opened: int | None) -> str:
         )
     limit = voxel_limit(moment.voxel)
     small = voxel_levels(moment.voxel, TILE_WIDTH, limit)
+    factor = pooled_by(moment.voxel.shape[-1], TILE_WIDTH)
     tiles: list[str] = []
     for index, tile in enumerate(small):
         image = picture(
@@ -35,6 +36,7 @@ def _voxel_html(moment: Moment, opened: int | None) -> str:
             f"time bin {index}",
             key=f"set:voxels.voxel_bin:{index}",
             size=(tile.shape[1], tile.shape[0]),
+            area=(0, 0, factor * tile.shape[1], factor * tile.shape[0]),
         )
         chosen = " et-chosen" if index == opened else ""
         tiles.append(f'<div class="et-thumb{chosen}">{image}<span class="et-label">{bin_words(index)}</span></div>')

@@ -102,6 +102,7 @@ def test_the_page_says_the_numbers_that_were_found(moment):
     assert told(html, "Suggested window").startswith("420 events")
     assert html.count("<rect") == sum(rate > 0 for rate in exam.rates) + sum(step > 0 for step in exam.step_counts)
     assert "data:image/png" in html
+    assert 'width="360" height="270" data-area="0,0,40,30"' in html  # the pointer is told the sensor's pixels
 
 
 def test_what_was_repaired_is_under_its_name_and_nothing_of_a_file_becomes_markup():

@@ -56,7 +56,8 @@ def _bins(given: Given) -> str:
         above, below, left, right = (-(-border // factor) for border in given.borders)
         height, width = tile.shape[:2]
         tile[:above], tile[height - below :], tile[:, :left], tile[:, width - right :] = (_BORDER,) * 4
-        image = picture(data_url(tile, is_lossless=True), f"bin {index}", size=(tile.shape[1], tile.shape[0]))
+        area = (-given.borders[2], -given.borders[0], width * factor, height * factor)
+        image = picture(data_url(tile, is_lossless=True), f"bin {index}", size=(width, height), area=area)
         tiles.append(f'<div class="et-thumb">{image}<span class="et-label">{bin_words(index)}</span></div>')
     return f'<div class="et-three">{"".join(tiles)}</div><div class="et-note">Bin position in the window</div>'
 

@@ -166,6 +166,7 @@ def _counts(found: Examination) -> str:
         "events of each pixel",
         key="pixel",
         size=size,
+        area=(0, 0, found.width, found.height),
         classes="et-wide",
     )
     bar = f'<div class="et-legend-bar" style="background:{css_gradient(sequential())}"></div>'

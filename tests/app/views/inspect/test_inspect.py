@@ -209,6 +209,8 @@ def test_the_given_tensor_shows_every_event_of_the_pixel_and_its_votes(loaded, m
     given_ = whole(job, loaded)
     assert given_.padded.shape[1:] == (24, 40)
     assert given_.borders == (2, 1, 1, 1)
+    bins = [attrs for tag, attrs in Checker(given_html(given_, job, moment, None, False)).tags if tag == "img"]
+    assert [attrs["data-area"] for attrs in bins] == ["-1,-2,40,24"] * 5  # of the sensor: its borders lie outside
     events = moment.events
     x, y = int(events.x[10]), int(events.y[10])
     page = Checker(given_html(given_, job, moment, (x, y), False))
