@@ -12,7 +12,6 @@ STAMPS, VIDEO, MARKER = "stamps.csv", "video.mp4", ".etnet-frames"
 """Beside the folder of the frames, in OUT. Where the marker lies, frames, stamps and video are this command's."""
 FRAMES, KALIBR = "frames", "cam0"
 _NAMES = {FRAMES: re.compile(r"frame_\d{6,}\.png"), KALIBR: re.compile(r"\d{19}\.png")}
-_SAID = "Frames, stamps.csv and video.mp4 here were written by etnet reconstruct, which may replace them.\n"
 
 
 def frame_name(index: int) -> str:
@@ -48,7 +47,7 @@ def make_room(folder: Path, overwrite: bool) -> None:
     out = folder.parent
     folder.mkdir(parents=True, exist_ok=True)
     # First, so that what is stopped from here on is begun again, and never passes for what was finished.
-    (out / MARKER).write_text(_SAID, encoding="ascii")
+    (out / MARKER).touch()  # an empty file, for which a full disk has room, too
     (out / DONE).unlink(missing_ok=True)
     for path in _former(folder):
         path.unlink()
