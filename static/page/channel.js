@@ -42,32 +42,50 @@
   };
 
   // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
-  // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile.
+  // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile. A finger on what is no
+  // axis may yet begin to scroll: it presses once it is lifted where it was put down, but in the demo, which does not scroll.
+  const STILL = 10; // CSS pixels within which a finger has not moved
   const isPixel = (element) => element?.dataset.k === "pixel" || element?.dataset.k.startsWith("cut:");
+  const mayScroll = (element) => !document.querySelector('[data-etv-workspace="demo"]') || element.closest(".etv-sheet");
   const inside = (f) => Math.min(Math.max(f, 0), 0.99999);
   let held = null; // {key, box, isAxis}
+  let waits = null; // the same of a finger that has not been lifted, with its {id, x, y}
   let last = 0;
   let owed = 0;
-  const pick = (event) => {
-    const u = inside((event.clientX - held.box.left) / held.box.width);
-    const v = inside((event.clientY - held.box.top) / held.box.height);
-    const mark = held.key.startsWith("mark:") && document.querySelector(`[data-k="${held.key}"]`);
+  const pick = (event, on = held) => {
+    const u = inside((event.clientX - on.box.left) / on.box.width);
+    const v = inside((event.clientY - on.box.top) / on.box.height);
+    const mark = on.key.startsWith("mark:") && document.querySelector(`[data-k^="${on.key.slice(0, 7)}"]`); // the axis of a live one moves
     if (mark) mark.style.left = `${100 * u}%`;
-    else if (held.isAxis) document.documentElement.style.setProperty("--drag-x", `${100 * u}%`);
+    else if (on.isAxis) document.documentElement.style.setProperty("--drag-x", `${100 * u}%`);
     last = event.timeStamp;
-    say("pick", held.key, u.toFixed(5), v.toFixed(5));
+    say("pick", on.key, u.toFixed(5), v.toFixed(5));
   };
   document.addEventListener("pointerdown", (event) => {
     const element = event.target.closest?.("[data-pick]");
     if (!element || event.button !== 0) return;
     const isAxis = element.dataset.drag !== undefined;
     const along = isAxis ? (element.closest(".et-axis") ?? element) : element;
-    held = { key: element.dataset.k, box: along.getBoundingClientRect(), isAxis };
-    document.activeElement?.matches?.("input, textarea") && document.activeElement.blur(); // it has lost its purpose
+    const pressed = { key: element.dataset.k, box: along.getBoundingClientRect(), isAxis };
+    const isDragged = isAxis || isPixel(element);
+    if (isDragged) event.preventDefault();
+    if (event.pointerType === "touch" && !isAxis && mayScroll(element)) {
+      waits = { ...pressed, id: event.pointerId, x: event.clientX, y: event.clientY };
+      return;
+    }
+    held = pressed;
+    giveBack(); // a field that is being typed into has lost its purpose
     pick(event);
-    if (!isAxis && !isPixel(element)) held = null;
-    else event.preventDefault();
+    if (!isDragged) held = null;
   });
+  const lift = (event, isLifted) => {
+    const finger = waits;
+    if (finger?.id !== event.pointerId) return;
+    waits = null;
+    if (!isLifted || Math.hypot(event.clientX - finger.x, event.clientY - finger.y) >= STILL) return;
+    giveBack();
+    pick(event, finger);
+  };
   document.addEventListener("pointermove", (event) => {
     if (!held) return;
     clearTimeout(owed);
@@ -76,6 +94,7 @@
   });
   for (const end of ["pointerup", "pointercancel"]) {
     document.addEventListener(end, (event) => {
+      lift(event, end === "pointerup");
       if (!held) return;
       clearTimeout(owed);
       if (end === "pointerup" && held.isAxis) pick(event);
@@ -83,6 +102,23 @@
       setTimeout(() => held || document.documentElement.style.removeProperty("--drag-x"), 400);
     });
   }
+
+  // A button that has the focus is pressed by Enter, and by what reads the page aloud: a click that no pointer made. While
+  // the keyboard is on a button it stays there, though the button's HTML is replaced, be it by what it did.
+  let focused = ""; // that button's key
+  const focusAgain = () => {
+    if (!focused || document.activeElement !== document.body) return false;
+    const buttons = [...document.querySelectorAll(`button[data-k="${CSS.escape(focused)}"]`)];
+    const again = buttons.find((button) => button.checkVisibility());
+    again?.focus({ preventScroll: true });
+    return again !== undefined;
+  };
+  document.addEventListener("focusin", ({ target }) => (focused = target.matches?.("button[data-pick]:focus-visible") ? target.dataset.k : ""));
+  document.addEventListener("pointerdown", () => (focused = ""), true);
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest?.("button[data-pick]");
+    if (button && event.detail === 0) say("pick", button.dataset.k, 0, 0);
+  });
 
   // Along the timeline the pointer's time is shown, with its window and a small frame as soon as the server tells them.
   const hover = document.createElement("div");
@@ -136,6 +172,7 @@
   // The wheel and the keys + − 0 [ ] look closer at a part of the timeline; what is seen follows the moment.
   let zoom = 1;
   let from = 0;
+  let start = "";
   let duration = "";
   const look = (newZoom, newFrom) => {
     zoom = Math.min(Math.max(newZoom, 1), 200);
@@ -151,6 +188,7 @@
     const ruler = document.querySelector(".etv-ruler");
     if (!ruler) return;
     const total = Number(duration);
+    const begin = Number(start) + from * total; // a live axis does not begin at 0
     if (zoom <= 1.01 || !total) {
       ruler.replaceChildren();
       return;
@@ -161,10 +199,10 @@
     const step = [1, 2, 5, 10].map((n) => n * power).find((n) => n >= rough);
     const digits = Math.max(0, -Math.floor(Math.log10(step)));
     const labels = [];
-    for (let at = Math.ceil((from * total) / step) * step; at <= from * total + seen; at += step) {
+    for (let at = Math.ceil(begin / step) * step; at <= begin + seen; at += step) {
       const label = document.createElement("span");
       label.textContent = `${at.toFixed(digits)} s`;
-      label.style.left = `${(100 * (at - from * total)) / seen}%`;
+      label.style.left = `${(100 * (at - begin)) / seen}%`;
       labels.push(label);
     }
     ruler.replaceChildren(...labels);
@@ -199,11 +237,13 @@
   };
   let headWas = 0;
   setInterval(() => {
-    const now = document.querySelector(".et-axis")?.dataset.duration ?? "";
-    if (now !== duration) {
-      duration = now;
+    const now = document.querySelector(".et-axis")?.dataset;
+    const hasMoved = start !== (now?.start ?? "");
+    start = now?.start ?? "";
+    if ((now?.duration ?? "") !== duration) {
+      duration = now?.duration ?? "";
       look(1, 0);
-    }
+    } else if (hasMoved) drawRuler();
     const at = head();
     if (zoom > 1.01 && at !== headWas && !held && (at < from || at > from + 1 / zoom)) look(zoom, at - 0.1 / zoom);
     headWas = at;
@@ -273,6 +313,7 @@
   const list = () => document.querySelector(".etv-recordings[open]");
   const shut = (open) => {
     open.open = false;
+    focused = "";
     if (open.contains(document.activeElement)) document.activeElement.blur(); // the page has the keys again, at once
   };
   const sift = (rows, typed) => {
@@ -291,13 +332,13 @@
   }, { capture: true, passive: true });
   new MutationObserver(() => {
     const node = document.querySelector(".etv-recordings");
-    if (!node || node === kept.node) return;
+    if (!node || node === kept.node) return void focusAgain();
     const hadFocus = document.activeElement === document.body;
     const wasOpen = kept.node?.open;
     kept.node = node;
     if (!wasOpen) {
       kept.typed = "";
-      return;
+      return void focusAgain();
     }
     node.open = true;
     const rows = node.querySelector(".etv-list");
@@ -305,7 +346,7 @@
     field.value = kept.typed;
     if (kept.typed) sift(rows, kept.typed);
     rows.scrollTop = kept.top;
-    if (hadFocus) field.focus({ preventScroll: true });
+    if (hadFocus && !focusAgain()) field.focus({ preventScroll: true });
   }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();
@@ -330,44 +371,6 @@
     if (event.target.matches?.(".mantine-Modal-overlay, .mantine-Modal-inner")) closeWindow();
   });
 
-  // A moment as a link: C copies the address of what is on show. The address that this page was opened by is told
-  // once; on a reload the page rather returns to where it was.
-  const copy = async () => {
-    const moment = document.querySelector("[data-etv-moment]")?.dataset.etvMoment;
-    if (!moment) return;
-    const address = `${location.origin}${location.pathname}?moment=${moment}`;
-    try {
-      await navigator.clipboard.writeText(address);
-      say("copied", 1);
-    } catch {
-      const field = document.createElement("textarea");
-      field.value = address;
-      document.body.append(field);
-      field.select();
-      const isDone = document.execCommand("copy");
-      field.remove();
-      say("copied", isDone ? 1 : 0);
-    }
-  };
-  document.addEventListener("keydown", (event) => {
-    const typing = event.target.closest?.("input:not([type=checkbox]), textarea, [contenteditable=true]");
-    const plain = !event.ctrlKey && !event.metaKey && !event.altKey && !event.repeat;
-    if (!typing && plain && event.key.toLowerCase() === "c") copy();
-  });
-  document.addEventListener("click", (event) => {
-    if (event.target.closest?.("[data-etv-copy]")) copy();
-  });
-  const follow = () => {
-    const moment = new URLSearchParams(location.search).get("moment");
-    const kind = performance.getEntriesByType("navigation")[0]?.type;
-    if (moment && !(kind === "reload" && sessionStorage.getItem("etnet-moment") === moment)) say("link", moment);
-    try {
-      sessionStorage.setItem("etnet-moment", moment ?? "");
-    } catch {
-      // a page that may keep nothing follows its address each time
-    }
-  };
-
   // A server that does not answer is said in a sentence; once it answers again the page is loaded, and is where it was.
   const lost = document.createElement("div");
   lost.className = "etv-lost";
@@ -388,6 +391,4 @@
       if (misses >= 2) document.dispatchEvent(new Event("etnet-lost"));
     }
   }, 3500);
-
-  follow();
 })();
