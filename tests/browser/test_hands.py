@@ -1,4 +1,4 @@
-"""Every button by finger, mouse and keyboard; axes that do not begin at 0; the pixel that the pointer is told."""
+"""Every button by finger, mouse and keyboard; axes that do not begin at 0; links where nothing may be kept."""
 
 import numpy as np
 import pytest
@@ -183,22 +183,3 @@ def test_a_link_is_followed_once_and_on_a_reload_only_where_the_browser_keeps_no
     page.reload()
     page.evaluate("window.etnetHello()")
     assert told(page, "link") == (["abc"] if before else [])
-
-
-@pytest.mark.parametrize(
-    ("area", "first", "last"),
-    [
-        (None, "x 0, y 153", "x 359, y 153"),
-        ((0, 0, 1280, 720), "x 1, y 547", "x 1278, y 547"),
-        ((-2, -3, 10, 5), "x −2, y 0", "x 7, y 0"),
-    ],
-)
-def test_the_pixel_that_is_told_is_the_sensors_however_large_its_picture_is_drawn(show, area, first, last):
-    url = data_url(np.zeros((202, 360), np.uint8), is_lossless=True)
-    drawn = picture(url, "Counts", key="pixel", size=(360, 202), area=area)
-    page = show(f'<div style="width:720px">{drawn}</div>', viewport={"width": 1000, "height": 700})
-    page.wait_for_function("() => document.querySelector('img').naturalWidth > 0")
-    box = box_of(page, page.locator("img"))
-    for x, words in ((box["x"] + 1, first), (box["x"] + box["width"] - 1, last)):
-        page.mouse.move(x, box["y"] + 0.76 * box["height"])
-        page.locator(".etv-values").get_by_text(words, exact=True).wait_for()
