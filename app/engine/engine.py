@@ -18,7 +18,7 @@ from app.engine.kept_frames import KeptFrames, KeptRanges, show_kept
 from app.engine.live import LiveSteps
 from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache, nowhere
 from app.engine.prefetch import Prefetcher
-from app.engine.published import Published, RecentFrames, Thumbnails
+from app.engine.published import PlaybackCached, Published, RecentFrames, Thumbnails
 from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
 from app.engine.replies import array_of, check_step, cold_frame, hand_over, ready_of
 from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from etnet.events.recording import Recording
     from etnet.playback.disk_cache import DiskCache
-    from etnet.playback.playback import CacheReport, Step
+    from etnet.playback.playback import Step
 
 QUANTUM = 0.4
 """Seconds of work on one visitor's request after which others get their turn; doubles with each of its turns."""
@@ -148,7 +148,7 @@ class Engine:
             self._book.changed.notify_all()
         self._thread.join(patience)
 
-    def cached(self, request: FrameRequest) -> CacheReport | KeptRanges | None:
+    def cached(self, request: FrameRequest) -> PlaybackCached | KeptRanges | None:
         """Which frames and states are held for a request's recording, model and windows; `None` before any."""
         return self._published.cached(request) or (None if self._kept is None else self._kept.ranges(request))
 

@@ -55,6 +55,7 @@ class KeptRanges:
     frames: tuple[range, ...]
     states: tuple[range, ...] = ()
     nbytes: int = 0
+    is_exact: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)

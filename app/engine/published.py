@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -14,28 +14,38 @@ from jaxtyping import Float16, Float32
 from app.catalogue.recording_id import is_of
 from app.engine.pace import Pace
 from app.engine.playbacks import LoadedPlayback
+from app.engine.replies import is_exact
 from app.engine.requests import FrameKey, FrameRequest, PlaybackKey, Ready
 from etnet.byte_cache import ByteCache
 
 if TYPE_CHECKING:
     from etnet.nets.contract import Contract
-    from etnet.playback.playback import CacheReport
 
 
 INTERVAL = 0.2
 """Seconds between two reports of what is cached while a seek runs."""
 
 
+@dataclass(frozen=True, slots=True)
+class PlaybackCached:
+    """What a playback holds, as ranges of windows, its bytes, and whether its frames may be called exact."""
+
+    frames: tuple[range, ...]
+    states: tuple[range, ...]
+    nbytes: int
+    is_exact: bool
+
+
 class Published:
     """Written by the engine's thread; whole values replace each other, so anybody may read."""
 
     def __init__(self) -> None:
-        self._cached: dict[PlaybackKey, CacheReport] = {}
+        self._cached: dict[PlaybackKey, PlaybackCached] = {}
         self._paces: dict[PlaybackKey, Pace] = {}
         self._precisions: dict[tuple[str, str], str] = {}
         self._told_at = 0.0
 
-    def cached(self, request: FrameRequest) -> CacheReport | None:
+    def cached(self, request: FrameRequest) -> PlaybackCached | None:
         """Which frames and states are held for a request's playback."""
         return self._cached.get(request.playback)
 
@@ -52,7 +62,9 @@ class Published:
         now = time.monotonic()
         if at_once or now - self._told_at > INTERVAL:
             self._told_at = now
-            self._cached[request.playback] = loaded.playback.cached()
+            held = loaded.playback.cached()
+            cached = PlaybackCached(held.frames, held.states, held.nbytes, is_exact(loaded, request))
+            self._cached[request.playback] = cached
 
     def tell_pace(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
         """A playback is there."""

@@ -43,7 +43,7 @@ def ready_of(
         frame=array,
         attention=attention,
         milliseconds=(time.perf_counter() - began) * 1000,
-        is_exact=not is_approximate and loaded.playback.first == 0 and is_exact(loaded, request),
+        is_exact=not is_approximate and is_exact(loaded, request),
         is_approximate=is_approximate,
         is_cold=num_seen < loaded.warm_up,
         contract=loaded.contract,
@@ -70,10 +70,12 @@ def cold_frame(loaded: LoadedPlayback, request: FrameRequest, began: float, canc
 
 
 def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:
-    """Whether a frame of this playback may be called exact now: nothing changed it, and it runs as when it began."""
+    """Whether a frame of this playback may be called exact now: nothing changed it, it runs as when it began, and began
+    with the recording's first window."""
     from etnet.nets.runtime import contract_of
 
-    return request.is_original and contract_of(loaded.playback.model) == loaded.contract
+    is_whole = request.is_original and loaded.playback.first == 0
+    return is_whole and contract_of(loaded.playback.model) == loaded.contract
 
 
 def array_of(frame: Tensor) -> Float32[np.ndarray, "h w"]:

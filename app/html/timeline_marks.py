@@ -31,6 +31,11 @@ class Cached(Protocol):
         """Windows whose recurrent state is held: their frames take one decode."""
         ...
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether the frames are those of a run from the start, unchanged and in this very way of computing."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class NothingCached:
@@ -38,6 +43,7 @@ class NothingCached:
 
     frames: tuple[range, ...] = ()
     states: tuple[range, ...] = ()
+    is_exact: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -154,7 +154,7 @@ def _lane(moment: Moment, held: Cached, approximate: range, changed: range) -> s
     cold = f'<rect x="0" y="{top}" width="{AXIS_WIDTH}" height="{_LANE}" fill="var(--cold)"/>'
     lanes = (
         _boxes(moment, held.states, top, _LANE, "var(--kept)"),
-        _boxes(moment, held.frames, top, _LANE, "var(--exact)"),
+        _boxes(moment, held.frames, top, _LANE, "var(--exact)" if held.is_exact else "var(--kept)"),
         _boxes(moment, (approximate,), top, _LANE, "var(--warning)"),
         _boxes(moment, (changed,), _FLOOR - 2, 3, "var(--accent-strong)"),
     )

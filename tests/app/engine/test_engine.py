@@ -248,14 +248,17 @@ def test_the_first_windows_are_called_cold(shelf, make_engine):
 
 def test_exact_goes_out_under_an_intervention(make_engine):
     inbox = Inbox()
-    make_engine().request("ada", request(2, intervention=Intervention(uniform_attention=True)), inbox)
+    engine, changed = make_engine(), request(2, intervention=Intervention(uniform_attention=True))
+    engine.request("ada", changed, inbox)
     assert not inbox.ready(2).is_exact
+    assert not engine.cached(changed).is_exact
 
 
 def test_exact_goes_out_when_the_threads_change(make_engine):
     engine, inbox = make_engine(), Inbox()
     engine.request("ada", request(2), inbox)
     assert inbox.ready(2).is_exact
+    assert engine.cached(request(2)).is_exact
     before = torch.get_num_threads()
 
     def change(reply):

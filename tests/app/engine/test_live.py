@@ -48,6 +48,7 @@ def test_a_network_that_comes_late_begins_cold_and_none_of_its_frames_is_called_
         viewer.engine.request("somebody", _request(viewer, last, late), inbox)
         ready = inbox.ready(last)
         assert not ready.is_exact
+        assert not viewer.engine.cached(ready.request).is_exact
         assert ready.began_at > 0
         inbox = Inbox()
         viewer.engine.request("another", _request(viewer, 0, late), inbox)

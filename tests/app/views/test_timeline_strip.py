@@ -9,6 +9,7 @@ import pytest
 from app.engine.published import LARGEST_THUMBNAILS, THUMBNAIL_WIDTH, Thumbnails
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
+from app.html.timeline_marks import NothingCached
 from app.session.channel import Hover, parse
 from app.state import intents as ask
 from app.state.view_state import Limits, ViewState
@@ -83,7 +84,7 @@ def test_every_button_of_the_transport_and_every_speed_is_heard():
 
 def test_the_state_lane_tells_exact_kept_cold_approximate_and_changed_windows():
     moment = moment_of(ByDuration(100_000))
-    held = type("Held", (), {"frames": (range(1, 3),), "states": (range(1, 5),)})()
+    held = type("Held", (), {"frames": (range(1, 3),), "states": (range(1, 5),), "is_exact": True})()
     html = timeline_html(moment, held, approximate=range(7, 8), changed=range(8, 10))
     boxes = re.findall(r'<rect x="([0-9.]+)" y="\d+" width="([0-9.]+)" height="\d+" fill="var\(--([a-z-]+)\)"', html)
     at = {colour: (float(x), float(width)) for x, width, colour in boxes}
@@ -95,6 +96,13 @@ def test_the_state_lane_tells_exact_kept_cold_approximate_and_changed_windows():
     words = legend_html(moment, is_approximate=True, is_changed=True)
     assert all(word in words for word in ("exact", "state kept", "cold", "approximate", "intervention on", "triggers"))
     assert "approximate" not in legend_html(moment, is_approximate=False, is_changed=False)
+
+
+def test_frames_that_may_not_be_called_exact_are_not_drawn_so():
+    held = NothingCached(frames=(range(1, 3),), is_exact=False)
+    html = timeline_html(moment_of(ByDuration(100_000)), held)
+    assert "--exact" not in html
+    assert html.count("var(--kept)") == 1
 
 
 def test_windows_are_numbered_from_zero():
