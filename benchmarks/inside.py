@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from measure import report
+from measure import leave, report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -272,3 +272,4 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    leave()

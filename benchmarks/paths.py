@@ -14,7 +14,7 @@ import sys
 import threading
 from pathlib import Path
 
-from measure import report
+from measure import leave, report
 from websockets.asyncio.client import connect
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -138,3 +138,4 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    leave()
