@@ -27,7 +27,7 @@ from etnet.errors import EtnetError
 BRAND = (185, 181, 255)
 """The accent of the interface: no hue of polarity."""
 PORTS_TRIED = 50
-CROWDED = "This page takes a limited number of visitors at once. Please load it again in a minute."
+CROWDED = "This page takes a limited number of visitors at once. It looks for a place again by itself, twice a minute."
 
 
 class AddressError(EtnetError):

@@ -72,4 +72,10 @@
     { capture: true },
   );
   window.addEventListener("contextmenu", (event) => isPublic && event.preventDefault());
+
+  // A page that found no place looks again, each after a time of its own, so that all who wait do not come at once.
+  const looksAgain = 20000 + 20000 * Math.random();
+  setInterval(() => {
+    if (document.querySelector(".etv-crowded")) location.reload();
+  }, looksAgain);
 })();

@@ -18,11 +18,13 @@ STUB = """<script>
 PHONE = {"is_mobile": True, "has_touch": True}
 
 
-def bare_page(browser, body, *, workspace="inspect", address=ADDRESS, before="", **context):
-    """A page of this HTML; `before`: a script that runs before all others."""
+def bare_page(browser, body, *, workspace="inspect", address=ADDRESS, before="", clock=False, **context):
+    """A page of this HTML. `before`: a script that runs before all others; `clock`: its time goes on when told to."""
     opened = browser.new_context(**context)
     opened.add_init_script(f"localStorage.setItem('etnet-tour', 'seen'); {before}")
     page = opened.new_page()
+    if clock:
+        page.clock.install()
     page.set_default_timeout(PATIENCE)
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))

@@ -1,0 +1,28 @@
+"""A page that found no place among the visitors."""
+
+import pytest
+
+from tests.browser.bare import ADDRESS, bare_page
+
+CROWDED = '<div class="etv-crowded"><b>Many are looking already</b></div>'
+
+
+@pytest.mark.parametrize(("body", "comes_again"), [(CROWDED, True), ("<p>A place</p>", False)])
+def test_it_looks_again_by_itself_within_forty_seconds(browser, body, comes_again):
+    page = bare_page(browser, body, clock=True)
+    try:
+        loads = []
+        page.on("load", lambda: loads.append(page.url))
+        page.clock.fast_forward(19_000)
+        page.evaluate("0")
+        assert loads == []
+        if comes_again:
+            with page.expect_event("load"):
+                page.clock.fast_forward(22_000)
+            assert loads == [ADDRESS]
+        else:
+            page.clock.fast_forward(120_000)
+            page.evaluate("0")
+            assert loads == []
+    finally:
+        page.context.close()
