@@ -174,6 +174,7 @@
   let from = 0;
   let start = "";
   let duration = "";
+  let of = ""; // whose axis it is
   const look = (newZoom, newFrom) => {
     zoom = Math.min(Math.max(newZoom, 1), 200);
     from = Math.min(Math.max(newFrom, 0), 1 - 1 / zoom);
@@ -241,8 +242,9 @@
     const hasMoved = start !== (now?.start ?? "");
     start = now?.start ?? "";
     if ((now?.duration ?? "") !== duration) {
-      duration = now?.duration ?? "";
-      look(1, 0);
+      const grown = of === now?.of && zoom > 1.01 ? Number(now.duration) / Number(duration) : 0; // what is looked at stays
+      [duration, of] = [now?.duration ?? "", now?.of ?? ""];
+      grown > 0 ? look(zoom * grown, from / grown) : look(1, 0);
     } else if (hasMoved) drawRuler();
     const at = head();
     if (zoom > 1.01 && at !== headWas && !held && (at < from || at > from + 1 / zoom)) look(zoom, at - 0.1 / zoom);

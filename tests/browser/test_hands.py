@@ -12,7 +12,7 @@ REMOVE = f'<button class="et-button" data-k="remove:a" {ON_PICK}>Remove</button>
 IMAGE = picture(data_url(np.zeros((60, 80), np.uint8), is_lossless=True), "Image", key="pixel", size=(80, 60))
 AXIS = (
     f'<div class="et-strip" style="height:60px"><div class="et-axis" data-k="span:540,600" data-drag="1" {ON_PICK}'
-    ' data-start="540" data-duration="60"><i class="et-head-line" style="--x:50%"></i></div></div>'
+    ' data-of="live" data-start="540" data-duration="60"><i class="et-head-line" style="--x:50%"></i></div></div>'
     '<div class="etv-ruler" style="width:400px"></div>'
 )
 TRACK = (
@@ -162,6 +162,21 @@ def test_the_ruler_of_an_axis_counts_from_where_the_axis_begins(show):
     assert all(550 <= at <= 590 for at in seen), seen
     page.locator(".et-axis").evaluate("axis => (axis.dataset.start = '640')")  # more has come, and as much has left
     page.wait_for_function(f"() => {labels}.every((at) => at >= 650)")
+
+
+def test_what_is_looked_at_stays_while_a_recording_grows_and_goes_with_another_one(show):
+    page = show(AXIS, viewport={"width": 400, "height": 300})
+    page.locator("html[style*='--zoom']").wait_for()
+    page.keyboard.press("+")
+    page.locator("html.etv-zoomed").wait_for()
+    look = "() => ['--zoom', '--from'].map((name) => Number(document.documentElement.style.getPropertyValue(name)))"
+    zoom, start = page.evaluate(look)
+    page.locator(".et-head-line").evaluate("head => head.style.setProperty('--x', '40%')")  # it is where it was
+    page.locator(".et-axis").evaluate("axis => (axis.dataset.duration = '75')")
+    page.wait_for_function(f"was => ({look})()[0] > was", arg=zoom + 0.01)
+    assert page.evaluate(look) == pytest.approx([zoom * 1.25, start / 1.25])
+    page.locator(".et-axis").evaluate("axis => Object.assign(axis.dataset, { of: 'another', duration: '80' })")
+    page.wait_for_function(f"() => ({look})()[0] === 1")
 
 
 def test_a_mark_is_dragged_along_although_its_axis_has_moved_on_meanwhile(show):
