@@ -57,7 +57,8 @@ def timeline_html(
     strip = (
         '<div class="et-strip" data-testid="strip">'
         f'<div class="et-axis" data-k="span:{span_of(moment)}" data-drag="1"'
-        f' data-of="{escape(moment.recording_id)}" data-start="{start:.6f}" data-duration="{stop - start:.6f}" {ON_PICK}>{_between(moment, state)}'
+        f' data-of="{escape(moment.recording_id)}" data-start="{start:.6f}" data-duration="{stop - start:.6f}"'
+        f" {ON_PICK}>{_between(moment, state)}"
         f'<svg viewBox="0 0 {AXIS_WIDTH} {_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
         f"{_background(moment)}{now}{lane}{over}</svg>{_triggers(moment)}"
         f'<i class="et-head-line" style="--x:{right / AXIS_WIDTH:.3%}"></i>{_marks(moment, state)}'
