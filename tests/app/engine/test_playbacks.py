@@ -23,7 +23,7 @@ REQUEST = FrameRequest("recording", "model", "fp32", ByCount(10), 3, False)
 
 def _load():
     model = build_model("tiny")
-    return SimpleNamespace(playback=SimpleNamespace(model=model), contract=contract_of(model))
+    return SimpleNamespace(playback=SimpleNamespace(model=model, first=0), contract=contract_of(model))
 
 
 def test_a_frame_is_exact_under_its_own_contract():
@@ -33,6 +33,12 @@ def test_a_frame_is_exact_under_its_own_contract():
 
 def test_an_intervention_is_not_exact():
     assert not is_exact(_load(), replace(REQUEST, intervention=Intervention(uniform_attention=True)))
+
+
+def test_a_playback_that_begins_later_is_not_exact():
+    loaded = _load()
+    loaded.playback.first = 1
+    assert not is_exact(loaded, REQUEST)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ def test_the_curve_of_a_plan_that_grows_grows_with_it(recording):
 
 
 def test_on_the_timeline_everything_stands_where_it_is_in_time(moment):
-    cached = type("Cached", (), {"frames": (range(2, 4),), "states": (range(6),)})()
+    cached = type("Cached", (), {"frames": (range(2, 4),), "states": (range(6),), "is_exact": True})()
     page = Checker(timeline_html(moment, cached))
     assert page.keys == [f"span:0,{moment.recording.span.duration / 1e6:.6f}"]
     boxes = [(float(b["x"]), float(b["x"]) + float(b["width"])) for tag, b in page.tags if tag == "rect"]
