@@ -65,7 +65,7 @@ def two_processes(program: str, out: Path) -> None:
         )
         for rank in range(2)
     ]
-    assert [member.wait(timeout=300) for member in members] == [0, 0]
+    assert [member.wait(timeout=150) for member in members] == [0, 0]
 
 
 @pytest.mark.slow
