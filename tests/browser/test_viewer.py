@@ -53,6 +53,7 @@ def test_it_opens_with_every_part_drawn(page):
     for card in ("reconstruction", "camera", "events", "scene", "voxels"):
         assert box_of(page, page.locator(f"[data-card={card}]"))["height"] > 100
     for part in ("timeline", "provenance", "scene-legend"):
+        page.get_by_test_id(part).first.wait_for()  # the scene's words come with the scene, after the picture
         assert box_of(page, page.get_by_test_id(part))["height"] > 10
     assert page.get_by_test_id("chip-exact").first.is_visible()
     assert page.title() == "ET-Net viewer"
