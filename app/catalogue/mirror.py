@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock, RLock, Timer
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import UInt8
@@ -22,9 +23,10 @@ from etnet.events.events import Events, Sensor
 from etnet.events.recording import GroundTruth, Recording
 from etnet.live.buffer import Keep
 from etnet.live.recording import LiveRecording
-from etnet.live.simulated import SimulatedSensor
-from etnet.live.webcam import PushedFrames
-from etnet.simulation.video import VideoConfig
+
+if TYPE_CHECKING:
+    from etnet.live.simulated import SimulatedSensor
+    from etnet.live.webcam import PushedFrames
 
 SENSOR = Sensor(160, 120)
 """What runs live on two cores."""
@@ -71,6 +73,9 @@ class MirrorSensor:
             wanted = self._wanted
         if self._sensor is None or wanted != self._made:
             self.close()
+            from etnet.live.simulated import SimulatedSensor  # not at every start: it brings the video library
+            from etnet.simulation.video import VideoConfig
+
             self._sensor, self._made = SimulatedSensor(VideoConfig(*wanted)), wanted
         return self._sensor.expose(grey, t)
 
@@ -120,6 +125,8 @@ class Mirror:
                 raise MirrorError("this page has a camera already")
             self._mirrors.admit(self)
             self._pixels = MirrorSensor()
+            from etnet.live.webcam import PushedFrames
+
             self._frames = PushedFrames("your own face", SENSOR, self._pixels)
             self._live = LiveRecording(self._frames, KEEP).start()
             self._id, self._began, self.trouble = f"mirror-{secrets.token_hex(12)}", time.monotonic(), ""

@@ -9,16 +9,10 @@ from pathlib import Path
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
-from etnet.events.open import open_recording
 from etnet.live.address import Address
 from etnet.live.buffer import Keep
-from etnet.live.driver import CameraSource
 from etnet.live.layouts import LayoutName
-from etnet.live.replay import Replay
 from etnet.live.source import LiveSource
-from etnet.live.stdin import InputStream
-from etnet.live.tcp import Listener
-from etnet.live.udp import UdpStream
 
 CAMERAS = ("davis346", "dvxplorer", "evk3-hd", "evk4", "vga", "triton")
 """Kinds of cameras that the driver knows."""
@@ -55,12 +49,17 @@ def open_source(
     A file that is called like a camera is `./davis346`.
 
     A TCP stream that does not know its sensor yet waits for its first sender, until `is_stopped`, and tells so.
+    Only the source that is named is imported: the viewer's command line loads this module at every start.
     """
     options = options or SourceOptions()
     kind, _, rest = text.partition(":")
     if text in ("stdin", "-"):
+        from etnet.live.stdin import InputStream
+
         return InputStream(Address("stdin"), options.sensor, options.layout or "es")
     if kind == "tcp":
+        from etnet.live.tcp import Listener
+
         listener = Listener(_address("tcp", rest), options.layout or "es", options.sensor)
         tell(f"listening on {listener.address}")
         try:
@@ -71,6 +70,8 @@ def open_source(
     if kind == "udp":
         if options.sensor is None:
             raise RecordingError(f"{text}: datagrams do not tell the sensor's size; state it: --sensor 346x260")
+        from etnet.live.udp import UdpStream
+
         return UdpStream(_address("udp", rest), options.sensor, options.layout or "t64_x16_y16_on8")
     if kind == "webcam" and (rest == "" or rest.isdigit()):
         from etnet.live.webcam import Webcam
@@ -78,8 +79,13 @@ def open_source(
 
         return Webcam(int(rest or 0), VideoConfig(contrast=options.contrast, longest_side=WEBCAM_SIDE))
     if kind in ("camera", *CAMERAS):
+        from etnet.live.driver import CameraSource
+
         return CameraSource(None if kind == "camera" else kind, rest or None)
     if Path(text).exists():
+        from etnet.events.open import open_recording
+        from etnet.live.replay import Replay
+
         return Replay(open_recording(text), options.speed, options.is_looped)
     raise RecordingError(f"{text}: neither a file nor a live source; wanted {KINDS}")
 

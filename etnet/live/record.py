@@ -7,6 +7,7 @@ the buffer before it is written is missing in the file, and counted.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Event, Thread
 from typing import Protocol, runtime_checkable
@@ -16,11 +17,9 @@ from etnet.events.events import Events
 from etnet.events.recording import Bracketing
 from etnet.events.triggers import Triggers
 from etnet.files import check_target
-from etnet.live.aedat4_writer import Aedat4Writer
-from etnet.live.hdf5_writer import Hdf5Writer
 from etnet.live.log import LogWriter, log_of
 from etnet.live.recording import LiveRecording, Loss
-from etnet.live.source import CameraFrame
+from etnet.live.source import CameraFrame, Setting
 from etnet.live.windows import KeptWindows
 
 FLUSH_SECONDS = 0.5
@@ -28,7 +27,7 @@ FLUSH_SECONDS = 0.5
 BATCH = 1 << 18
 """Events that are written at once."""
 
-_WRITERS = {".aedat4": Aedat4Writer, ".h5": Hdf5Writer, ".hdf5": Hdf5Writer}
+_SUFFIXES = (".aedat4", ".h5", ".hdf5")
 
 
 @runtime_checkable
@@ -63,7 +62,7 @@ class Recorder:
         self._trouble: EtnetError | None = None
         try:
             settings = live.source.settings()
-            self._writer: _Writer = _WRITERS[path.suffix.lower()](path, live.sensor, live.source.name, settings)
+            self._writer: _Writer = _writer_of(path, live, settings)
             self._log = LogWriter(path, live.source.name, live.sensor)
             self._log.settings(live.extent().until or 0, settings)
         except OSError as error:
@@ -190,10 +189,21 @@ class Recorder:
 
 def check_recordable(path: Path, overwrite: bool) -> None:
     """An error if nothing can be recorded there: a suffix without a writer, a file that is there already."""
-    if path.suffix.lower() not in _WRITERS:
-        known = ", ".join(_WRITERS)
+    if path.suffix.lower() not in _SUFFIXES:
+        known = ", ".join(_SUFFIXES)
         raise RecordingError(f'{path.name}: live recordings have no layout for "{path.suffix}"; take one of {known}')
     check_target(path)
     for there in (path, log_of(path)):
         if there.exists() and not overwrite:
             raise RecordingError(f"{there.name}: is there already; choose another name or allow overwriting")
+
+
+def _writer_of(path: Path, live: LiveRecording, settings: Sequence[Setting]) -> _Writer:
+    """The suffix's writer, imported only now: every viewer loads this module, and few record."""
+    if path.suffix.lower() == ".aedat4":
+        from etnet.live.aedat4_writer import Aedat4Writer
+
+        return Aedat4Writer(path, live.sensor, live.source.name, settings)
+    from etnet.live.hdf5_writer import Hdf5Writer
+
+    return Hdf5Writer(path, live.sensor, live.source.name, settings)

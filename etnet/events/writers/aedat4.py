@@ -11,8 +11,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from contextlib import closing
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 import lz4.frame
 import numpy as np
@@ -124,7 +124,7 @@ def _header(sensor: Sensor, attributes: Mapping[str, str]) -> bytes:
 def _description(sensor: Sensor, attributes: Mapping[str, str]) -> str:
     top = "/mainloop/Recorder/outInfo/"
     size = f'<attr key="sizeX" type="int">{sensor.width}</attr><attr key="sizeY" type="int">{sensor.height}</attr>'
-    more = "".join(f'<attr key="{key}" type="string">{escape(text)}</attr>' for key, text in attributes.items())
+    more = "".join(f'<attr key="{key}" type="string">{escape(text, False)}</attr>' for key, text in attributes.items())
     nodes = "".join(
         f'<node name="{number}" path="{top}{number}/"><attr key="compression" type="string">LZ4</attr>'
         f'<attr key="originalModuleName" type="string">capture</attr>'

@@ -1,5 +1,6 @@
 """torch is imported around the drawing of pages, and in the end whatever happens."""
 
+import gc
 import sys
 import threading
 import time
@@ -86,3 +87,11 @@ def test_other_threads_import_what_they_need_while_it_waits(tmp_path, monkeypatc
     thread.join(10)
     assert done.is_set()
     del sys.page_begins
+
+
+def test_garbage_is_looked_for_again_after_an_import_that_failed():
+    assert gc.isenabled()
+    with pytest.raises(ImportError), gentle_import._without_collecting():
+        assert not gc.isenabled()
+        raise ImportError
+    assert gc.isenabled()

@@ -20,3 +20,16 @@ print(sorted(name for name in set(sys.modules) - before if name.startswith("app.
 def test_a_page_finds_everything_imported():
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_start_loads_nothing_that_only_some_files_or_cameras_need():
+    program = (
+        "import sys, app.main, app.catalogue.mirror, app.web.server\n"
+        "from app.session.ready import get_ready\n"
+        "from app.views import VIEWS\n"
+        "get_ready(VIEWS)\n"
+        "rare = ('av', 'lz4', 'backports.zstd', 'etnet.simulation.video', 'etnet.live.tcp', 'etnet.live.hdf5_writer')\n"
+        "print([name for name in rare if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from io import BufferedIOBase, BytesIO
 from pathlib import Path
 
-import lz4.frame
-
 from etnet.errors import RecordingError
 from etnet.events.formats.bounds import MAX_BLOCK, Unpacked, at_most
 from etnet.events.formats.ros.containers import Contents, CutOff, Message
@@ -151,5 +149,7 @@ def _unpacked(header: Fields, data: bytes) -> bytes:
     if compression == "bz2":
         return bz2.BZ2Decompressor().decompress(data, max_length=size)
     if compression == "lz4":
+        import lz4.frame
+
         return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
     raise CutOff(f'a chunk compressed with "{compression[:40]}"')

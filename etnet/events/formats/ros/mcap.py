@@ -11,15 +11,8 @@ from collections.abc import Iterator
 from io import BufferedIOBase, BytesIO
 from pathlib import Path
 
-import lz4.frame
-
 from etnet.events.formats.bounds import MAX_BLOCK, Unpacked, at_most
 from etnet.events.formats.ros.containers import Contents, CutOff, Message
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -107,8 +100,14 @@ def _unpacked(chunk: bytes) -> bytes:
     if compression == "":
         return packed
     if compression == "lz4":
+        import lz4.frame
+
         return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
     if compression == "zstd":
+        if sys.version_info >= (3, 14):
+            from compression import zstd
+        else:
+            from backports import zstd
         return zstd.ZstdDecompressor().decompress(packed, max_length=size)
     raise CutOff(f'a chunk compressed with "{compression}"')
 
