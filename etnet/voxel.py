@@ -41,13 +41,14 @@ def voxel_array(events: Events, bins: int = 5) -> Float32[np.ndarray, "bins h w"
         return grid.astype(np.float32).reshape(bins, height, width)
 
     # Events are ordered in time, so those between two bins are a slice. Each votes p·(1−f) below and p·f above:
-    # the sums of p and of p·f by pixel are all that is needed.
-    edges = np.searchsorted(elapsed * (bins - 1), np.arange(bins) * span)
+    # the sums of p and of p·f by pixel are all that is needed. Whole numbers up to the division, so that an event on a
+    # border has a share of 0 and leaves nothing behind in the next bin.
+    place = elapsed * (bins - 1)
+    edges = np.searchsorted(place, np.arange(bins) * span)
     edges[-1] = len(events)
     for lower, (start, stop) in enumerate(pairwise(edges)):
         polarity = events.p[start:stop].astype(np.float64)
-        share = elapsed[start:stop] * ((bins - 1) / span)
-        share -= lower
+        share = (place[start:stop] - lower * span) / span
         share *= polarity
         upper = np.bincount(pixel[start:stop], share, size)
         grid[lower] += np.bincount(pixel[start:stop], polarity, size) - upper
@@ -73,9 +74,8 @@ def bin_votes(events: Events, bins: int = 5) -> BinVotes:
     span = int(events.t[-1] - events.t[0]) if len(events) else 0
     if span == 0 or bins == 1:
         return BinVotes(np.zeros(len(events), np.int64), np.zeros(len(events)))
-    place = (events.t - events.t[0]) * (bins - 1) / span
-    lower = np.floor(place).astype(np.int64)
-    return BinVotes(lower, place - lower)
+    lower, rest = np.divmod((events.t - events.t[0]) * (bins - 1), span)
+    return BinVotes(lower, rest / span)
 
 
 def voxel_grid(events: Events, bins: int = 5) -> Float[Tensor, "bins h w"]:

@@ -58,5 +58,11 @@ def _resampled_means(
     length = len(values)
     block = min(length, block or round(math.sqrt(length)))
     starts = rng.integers(0, length, (RESAMPLES, math.ceil(length / block)))
-    index = (starts[..., None] + np.arange(block)) % length
-    return values[index.reshape(RESAMPLES, -1)[:, :length]].mean(axis=1)
+    # Sums of blocks as differences of a running sum, so that memory grows with √n for each resample and not with n.
+    # The mean is taken off before, so that the running sum stays small beside what is told apart.
+    mean = values.mean()
+    running = np.concatenate(([0.0], np.cumsum(np.concatenate((values, values[:block])) - mean)))
+    sums = running[starts + block] - running[starts]
+    last = length - (starts.shape[1] - 1) * block  # the last block is cut, so that a resample has the same length
+    sums[:, -1] = running[starts[:, -1] + last] - running[starts[:, -1]]
+    return mean + sums.sum(axis=1) / length
