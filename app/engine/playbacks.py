@@ -5,6 +5,7 @@ Used by the engine's thread alone. torch is imported on the first call, never be
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.windows import Window, from_window
 
 if TYPE_CHECKING:
+    from etnet.events.edit import EventEdit
     from etnet.nets.attention import Attention
     from etnet.nets.runtime import Contract
     from etnet.playback.disk_cache import DiskCache
@@ -92,7 +94,7 @@ class LoadedPlayback:
     """How good its frames are, of all playbacks: a strip that is asked for again continues."""
     beside: Callable[[FrameRequest], LoadedPlayback] | None = None
     """The playback of another request, for a job about several runs; asked on the engine's thread."""
-    branch: tuple[tuple[object, ...], Playback] | None = None
+    branch: tuple[tuple[int, Intervention, EventEdit, bool], Playback] | None = None
     """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
 
     def wait(self) -> None:
@@ -143,11 +145,24 @@ class LoadedPlayback:
         if latest is None or request.index < len(self.windows):
             return
         recording = latest()
+        num_before = len(self.windows)
         former = () if request.cold_at else self.windows  # those of a cold start are numbered from there
         windows = from_window(windows_of(recording, request.policy, former), request.cold_at)
         self.playback.grow(recording, windows)
-        if self.branch is not None:
-            self.branch[1].grow(recording, windows)
+        if self.branch is None:
+            return
+        (at, *_, once), branch = self.branch
+        if once and at + 1 >= num_before:  # nothing came after its window, so nothing brings the network back
+            share = self.budget_bytes
+            self.branch = None
+            self.budget_bytes = share
+        else:
+            branch.grow(recording, windows)
+
+    @property
+    def first_there(self) -> int:
+        """The first window that can be replayed: of a live recording, the first whose events are all still there."""
+        return max(self.playback.first, _first_held(self.playback.recording, self.windows))
 
     @property
     def budget_bytes(self) -> int:
@@ -172,6 +187,13 @@ class LoadedPlayback:
         from etnet.playback.playback import STATE_SHARE
 
         return int(self.playback.budget_bytes * STATE_SHARE) // self.state_bytes if self.state_bytes else 0
+
+
+def _first_held(recording: Recording, windows: Sequence[Window]) -> int:
+    """The first of these windows of which all events are there; the last where there is none."""
+    if not isinstance(recording, CutRecording) or recording.extent is None:
+        return 0
+    return min(bisect_left(windows, recording.extent().first_held, key=lambda window: window.start), len(windows) - 1)
 
 
 class PlaybackCache:
@@ -277,7 +299,7 @@ class PlaybackCache:
         model, trial = self.model(request.model_id, request.precision)
         self._tune(model, request, recording)
         is_cut = isinstance(recording, CutRecording)
-        first = min(recording.first_held, len(windows) - 1) if is_cut else 0
+        first = _first_held(recording, windows)
         disk = None if is_cut else self._disk_for(request)
         playback = Playback(model, recording, windows, self._budget_bytes, disk, first=first)
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP

@@ -27,8 +27,8 @@ def stretch_of(index: int) -> tuple[int, int]:
 
 
 def windows_from(playback: Playback, first: int) -> range:
-    """The windows of a curve that begins at `first`."""
-    return range(first, min(first + LENGTH, len(playback)))
+    """The windows of a curve that begins at `first`, or where the playback does."""
+    return range(max(first, playback.first), min(first + LENGTH, len(playback)))
 
 
 def path_of(

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from etnet.errors import RecordingError
+from etnet.errors import ModelError, RecordingError
 from etnet.evaluation.lpips import LPIPS, Taps, load_lpips
 from etnet.evaluation.metrics import (
     best_affine,
@@ -162,6 +162,9 @@ class Evaluation:
         return Scores(self._name, self._recording.name, protocol, self.plan.sequence, stamps, rows, remarks)
 
     def _score(self, number: int, frame: Tensor, grey: float, before: _Scored | None) -> _Scored:
+        if not bool(torch.isfinite(frame).all()):
+            said = f"{self._name}: its frame for camera frame {number} is not finite"
+            raise ModelError(f"{said}; its weights are damaged, or its memory grew beyond what numbers hold")
         target = _as_image(self._truth.read_frame(number)).to(frame.device)
         prepared = self._judge.prepare(frame, getattr(self._model, "post_processing", "none"))
         images: dict[Row, Tensor] = {

@@ -165,8 +165,8 @@ def _start(
     """The first window to trace and the state before it."""
     if num_back < 0:
         raise ValueError(f"num_back is {num_back}; it is a number of windows, at least 0")
-    first = max(0, index - num_back)
-    return first, playback.state(first - 1, cancelled) if first else None
+    first = max(playback.first, index - num_back)
+    return first, playback.state(first - 1, cancelled) if first > playback.first else None
 
 
 def _inside(playback: Playback, pixel: tuple[int, int]) -> tuple[int, int]:

@@ -85,31 +85,37 @@ def sampled_maps(
     num_windows: int = 8,
     warm_up: int = 8,
     cancelled: Callable[[], bool] | None = None,
+    since: int = 0,
 ) -> Iterator[FeatureMap]:
     """What a basis is fitted to: `num_windows` windows spread evenly over the plan, one after the other, each after a
     cold start `warm_up` windows earlier.
 
     They depend on recording, plan, network and `feature` alone, not on what was looked at before; of a branch they are
     the original's, so that a change shows in the colours and not in their meaning. Each costs `warm_up` + 1 encodes
-    and a pass of TPA.
+    and a pass of TPA. Windows before `since`, or before the playback's first, are left alone: of a live recording their
+    events may have gone.
     """
     require_feature(playback.model, feature)
     while playback.parent is not None:
         playback = playback.parent
-    for index in sampled_windows(len(playback), num_windows):
-        yield feature_of(_cold(playback, index, warm_up, cancelled), feature, playback.intervention_at(index))
+    since = max(since, playback.first)
+    for index in sampled_windows(len(playback), num_windows, since):
+        held = _cold(playback, index, max(since, index - warm_up), cancelled)
+        yield feature_of(held, feature, playback.intervention_at(index))
 
 
-def sampled_windows(num_windows: int, wanted: int) -> tuple[int, ...]:
-    """The windows that a basis is fitted to: the middles of `wanted` equal parts of the plan, each once."""
-    if num_windows < 1 or wanted < 1:
-        raise ValueError(f"a basis is fitted to at least 1 window; got {wanted} of a plan of {num_windows}")
-    return tuple(sorted({(2 * part + 1) * num_windows // (2 * wanted) for part in range(wanted)}))
+def sampled_windows(num_windows: int, wanted: int, since: int = 0) -> tuple[int, ...]:
+    """The windows that a basis is fitted to: the middles of `wanted` equal parts of the plan from `since` on, once each."""
+    there = num_windows - since
+    if there < 1 or wanted < 1:
+        raise ValueError(f"a basis is fitted to at least 1 window; got {wanted} of a plan of {there}")
+    return tuple(sorted({since + (2 * part + 1) * there // (2 * wanted) for part in range(wanted)}))
 
 
-def _cold(playback: Playback, index: int, warm_up: int, cancelled: Callable[[], bool] | None) -> Held:
+def _cold(playback: Playback, index: int, start: int, cancelled: Callable[[], bool] | None) -> Held:
+    """A window after a cold start at window `start`."""
     state, pyramid = None, None
-    for i in range(max(0, index - warm_up), index + 1):
+    for i in range(start, index + 1):
         give_up_if(cancelled, "this basis")
         with torch.inference_mode():
             voxel = playback.voxel(i)[None].to(device_of(playback.model))

@@ -97,7 +97,7 @@ def search_cause(
         raise ValueError(f"got tolerance {tolerance} and furthest {furthest}; wanted above 0 and at least 1")
     x, y = pixel
     value = float(playback.at(index, cancelled=cancelled).frame[0, 0, y, x])
-    search = CausalSearch(index, pixel, levels, value, max(0, index - furthest))
+    search = CausalSearch(index, pixel, levels, value, max(playback.first, index - furthest))
 
     def tried(at: int) -> CausalSearch:
         give_up_if(cancelled, "this search")

@@ -76,7 +76,8 @@ def gates_at(playback: Playback, index: int, level: int, cancelled: Callable[[],
     intervention = playback.intervention_at(index)
     if level in intervention.frozen_levels:
         raise ModelError(f"level {level} is frozen at window {index}: no gate acts; look at the branch's parent")
-    before = playback.state(index - 1, cancelled) if index and level not in intervention.zeroed_levels else None
+    has_memory = index > playback.first and level not in intervention.zeroed_levels
+    before = playback.state(index - 1, cancelled) if has_memory else None
     after = playback.state(index, cancelled)
     voxel = playback.voxel(index)[None].to(after.tensors[0].device)
     return gates_of_step(playback.model, voxel, before, after, level)

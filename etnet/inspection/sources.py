@@ -82,7 +82,7 @@ def pixel_sources(
     give_up_if(cancelled, "this figure")
     x, y = pixel
     model, base = playback.model, playback.intervention_at(index)
-    before = playback.state(index - 1, cancelled) if index else None
+    before = playback.state(index - 1, cancelled) if index > playback.first else None
     raw = window_events(playback.recording, playback.windows[index], playback.edit_at(index))
     plain = _frame(playback, voxel_grid(raw, model.bins), before, base)
     cuts = _cuts(playback, raw, base)

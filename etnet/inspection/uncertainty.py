@@ -68,7 +68,7 @@ def dropout_spread(
     if num_seeds < 1 or num_back < 0:
         raise ValueError(f"got {num_seeds} seeds and {num_back} windows back; wanted at least 1 and 0")
     exact = playback.at(index, cancelled=cancelled).frame[0, 0].cpu()
-    since = max(0, index - num_back, *(start for start in branch_starts(playback) if start <= index))
+    since = max(playback.first, index - num_back, *(start for start in branch_starts(playback) if start <= index))
     frames = exact[None][:0]
     for seed in range(first_seed, first_seed + num_seeds):
         give_up_if(cancelled, "this spread")

@@ -140,10 +140,11 @@ class BasisJob:
         """One window more that it is fitted to each time; the basis at last."""
         from etnet.inspection.basis import fit_basis, sampled_maps, sampled_windows
 
-        wanted = len(sampled_windows(len(loaded.playback), NUM_FITTED))
+        since = loaded.first_there
+        wanted = len(sampled_windows(len(loaded.playback), NUM_FITTED, since))
         maps = []
         feature = feature_in(loaded, self.word, self.site)
-        for map_ in sampled_maps(loaded.playback, feature, NUM_FITTED, cancelled=cancelled):
+        for map_ in sampled_maps(loaded.playback, feature, NUM_FITTED, cancelled=cancelled, since=since):
             maps.append(map_)
             if len(maps) < wanted:
                 yield None, len(maps) / (wanted + 1)

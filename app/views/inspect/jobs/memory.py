@@ -90,7 +90,7 @@ class NormsJob:
 
         playback, _ = loaded.playing(self.request)
         last = self.request.index
-        indices = range(max(0, last - LOOKED_BACK + 1), last + 1)
+        indices = range(max(playback.first, last - LOOKED_BACK + 1), last + 1)
         playback.lay_state(indices[0], cancelled)
         found = []
         for done in norms_through_time(playback, indices):
@@ -112,7 +112,7 @@ class MemoryDepthJob:
 
         from etnet.inspection.gates import MemoryDepth, memory_depth
 
-        depths = tuple(depth for depth in DEPTHS if depth <= self.request.index) or (0,)
+        depths = tuple(depth for depth in DEPTHS if depth <= self.request.index - loaded.playback.first) or (0,)
         frames: list[Tensor] = []
         for done, depth in enumerate(depths, start=1):
             one = memory_depth(loaded.playback, self.request.index, (depth,), cancelled)
