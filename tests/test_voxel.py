@@ -59,6 +59,24 @@ def test_last_event_votes_wholly_for_the_last_bin():
     assert last - without[-1, some.y[-1], some.x[-1]] == some.p[-1]
 
 
+@given(st.integers(1, 1 << 40), st.integers(2, 9))
+def test_an_event_on_the_border_of_a_bin_leaves_nothing_in_the_next(step: int, bins: int):
+    """One event a pixel, each where a bin lies: the grid holds their polarities and nothing else, to the last bit."""
+    place = np.arange(bins)
+    some = Events(
+        np.append(place, 0).astype(np.uint16),
+        np.append(0 * place, 1).astype(np.uint16),
+        np.append(place * step, (bins - 1) * step),
+        np.ones(bins + 1, np.int8),
+        Sensor(bins, 2),
+    )
+    expected = np.zeros((bins, 2, bins), np.float32)
+    expected[place, 0, place] = 1
+    expected[-1, 1, 0] = 1
+    np.testing.assert_array_equal(voxel_array(some, bins), expected)
+    np.testing.assert_array_equal(bin_votes(some, bins).share, np.zeros(bins + 1))
+
+
 def test_normalised_nonzero_entries_have_mean_zero_and_deviation_one():
     grid = voxel_grid(make_events(300), 5)
     normalised = normalise_nonzero(grid)

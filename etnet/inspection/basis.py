@@ -105,7 +105,7 @@ def sampled_maps(
 
 
 def sampled_windows(num_windows: int, wanted: int, since: int = 0) -> tuple[int, ...]:
-    """The windows that a basis is fitted to: the middles of `wanted` equal parts of the plan from `since` on, once each."""
+    """The windows that a basis is fitted to: the middles of `wanted` equal parts of the plan from `since` on."""
     there = num_windows - since
     if there < 1 or wanted < 1:
         raise ValueError(f"a basis is fitted to at least 1 window; got {wanted} of a plan of {there}")

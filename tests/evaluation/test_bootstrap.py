@@ -1,9 +1,12 @@
 """Intervals hold the mean, cover about as often as they say, and know the two ways of averaging."""
 
+import math
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from etnet.evaluation.bootstrap import average, block_bootstrap
+from etnet.evaluation.bootstrap import RESAMPLES, average, block_bootstrap
 
 
 def correlated(rng: np.random.Generator, length: int, memory: float) -> np.ndarray:
@@ -54,3 +57,24 @@ def test_the_interval_lies_around_the_average_that_the_table_prints(averaging) -
     interval = block_bootstrap(sequences, np.random.default_rng(4), averaging)
     assert interval.mean == average(sequences, averaging)
     assert interval.low < interval.mean < interval.high
+
+
+@pytest.mark.parametrize(("length", "block"), [(1, None), (2, None), (38, None), (50, 7), (50, 50), (50, 80)])
+def test_resamples_are_whole_blocks_that_go_round_and_the_last_one_cut(length, block) -> None:
+    values = np.random.default_rng(4).normal(5, 2, length)
+    size = min(length, block or round(math.sqrt(length)))
+    starts = np.random.default_rng(9).integers(0, length, (RESAMPLES, math.ceil(length / size)))
+    index = (starts[..., None] + np.arange(size)) % length
+    means = values[index.reshape(RESAMPLES, -1)[:, :length]].mean(axis=1)
+    found = block_bootstrap([values], np.random.default_rng(9), block=block)
+    assert (found.low, found.high) == pytest.approx(tuple(np.quantile(means, [0.025, 0.975])), abs=1e-12)
+
+
+def test_hours_of_frames_take_no_more_memory_than_a_few_recordings_do() -> None:
+    values = np.random.default_rng(5).normal(size=200_000)
+    tracemalloc.start()
+    try:
+        block_bootstrap([values], np.random.default_rng(0))
+        assert tracemalloc.get_traced_memory()[1] < 64 << 20
+    finally:
+        tracemalloc.stop()

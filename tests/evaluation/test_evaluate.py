@@ -8,7 +8,7 @@ import torch
 from skimage.metrics import structural_similarity as skimage_ssim
 from torch import Tensor
 
-from etnet.errors import RecordingError
+from etnet.errors import ModelError, RecordingError
 from etnet.evaluation.evaluate import Judges, evaluate
 from etnet.evaluation.lpips import load_lpips
 from etnet.evaluation.metrics import robust_range
@@ -51,6 +51,16 @@ def test_a_model_that_shows_the_truth_is_perfect(judges: Judges) -> None:
     # The pattern moves right by a pixel a frame: only the column that enters at the left edge cannot be foreseen.
     assert scores.mean("temporal") < 0.03
     assert "TC: with the file's own flow" in scores.remarks
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_frame_that_is_not_finite_is_an_error_that_names_it_and_no_frame_left_out(judges: Judges, value) -> None:
+    recording = made_up()
+    frames = truth_frames(recording)
+    frames[3] = frames[3].clone()
+    frames[3][0, 0, 5, 5] = value
+    with pytest.raises(ModelError, match=r"replays: its frame for camera frame [34] is not finite"):
+        evaluate(replays(frames), recording, PAPER, judges)
 
 
 def test_a_wrong_brightness_vanishes_in_the_affine_row_and_only_there(judges: Judges) -> None:

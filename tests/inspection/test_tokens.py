@@ -131,6 +131,9 @@ def test_fewer_than_three_channels_and_constant_maps_have_colours():
     assert np.isfinite(basis.colours(_map(np.ones((3, 5, 2))))).all()
     assert sampled_windows(3, 8) == (0, 1, 2)
     assert sampled_windows(100, 4) == (12, 37, 62, 87)
+    assert sampled_windows(140, 4, since=40) == (52, 77, 102, 127)
+    with pytest.raises(ValueError, match="of a plan of 0"):
+        sampled_windows(40, 4, since=40)
 
 
 def test_likeness_is_numpys_cosine_within_and_between_windows():

@@ -90,8 +90,12 @@ def test_other_threads_import_what_they_need_while_it_waits(tmp_path, monkeypatc
 
 
 def test_garbage_is_looked_for_again_after_an_import_that_failed():
+    def fails():
+        with gentle_import._without_collecting():
+            assert not gc.isenabled()
+            raise ImportError
+
     assert gc.isenabled()
-    with pytest.raises(ImportError), gentle_import._without_collecting():
-        assert not gc.isenabled()
-        raise ImportError
+    with pytest.raises(ImportError):
+        fails()
     assert gc.isenabled()

@@ -7,16 +7,19 @@ import pytest
 import torch
 
 from app.engine.pace import Pace
-from app.engine.playbacks import PlaybackCache
+from app.engine.playbacks import LoadedPlayback, PlaybackCache
 from app.engine.replies import is_exact
 from app.engine.requests import FrameRequest
+from etnet.events.recording import recording_of_events
 from etnet.nets import tuning
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.kept_choices import keep_choice
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Contract, Runtime, apply_runtime, contract_of, default_runtime
-from etnet.windows import ByCount
+from etnet.playback.playback import Playback
+from etnet.windows import ByCount, plan_windows
 from tests.app.fakes import Shelf, request
+from tests.strategies import make_events
 
 REQUEST = FrameRequest("recording", "model", "fp32", ByCount(10), 3, False)
 
@@ -118,3 +121,24 @@ def test_kernels_that_were_found_while_frames_were_made_are_for_the_next_start(m
     keep_choice(name, {"precision": "fp32", "attention": "fused", "channels_last": False, "packed": False})
     playbacks.try_kernels()
     assert is_exact(loaded, request(0))
+
+
+def test_a_change_in_the_newest_window_of_a_growing_recording_stays_in_that_window():
+    """Nothing came after it when it was made, so nothing brought the network back; later windows must not have it."""
+    whole = make_events(100)
+    now = [replace(recording_of_events(whole[:52]), latest=lambda: now[0])]
+    playback = Playback(build_model("tiny"), now[0], plan_windows(now[0], ByCount(10)))
+    loaded = LoadedPlayback(playback, contract_of(playback.model), 2, Pace(), 1.0)
+    newest = len(playback) - 1
+    zeroed = Intervention(zeroed_levels=frozenset({1, 2, 3}))
+    asked = replace(REQUEST, index=newest, intervention=zeroed, since=newest, once=True)
+    changed, _ = loaded.playing(asked)
+    assert changed.intervention_at(newest) == zeroed
+    budget = loaded.budget_bytes
+    now[0] = replace(recording_of_events(whole), latest=lambda: now[0])
+    later = replace(asked, index=newest + 1)
+    loaded.grow(later)
+    changed, _ = loaded.playing(later)
+    assert loaded.budget_bytes == budget
+    assert [changed.intervention_at(index) for index in (newest, newest + 1)] == [zeroed, ORIGINAL]
+    assert not torch.equal(changed.at(newest + 1).frame, playback.at(newest + 1).frame)  # what its memory carries on
