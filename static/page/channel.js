@@ -237,15 +237,20 @@
     "]": () => look(zoom, from + 0.25 / zoom),
   };
   let headWas = 0;
+  // A recording that grows, or of which a live buffer drops the oldest, has another axis: what is looked at stays.
+  const onto = (now) => {
+    const former = { start: Number(start), duration: Number(duration) };
+    const stays = of === (now.of ?? "") && zoom > 1.01 && former.duration > 0 && Number(now.duration) > 0;
+    const isAsLong = duration === (now.duration ?? "");
+    [start, duration, of] = [now.start ?? "", now.duration ?? "", now.of ?? ""];
+    if (!stays) return isAsLong ? drawRuler() : look(1, 0);
+    const placed = (share) => (former.start + share * former.duration - Number(start)) / Number(duration);
+    look((zoom * Number(duration)) / former.duration, placed(from));
+    headWas = Math.abs(head() - placed(headWas)) < 2e-5 ? head() : placed(headWas); // told to 1e-5: where it is the same, time stood still
+  };
   setInterval(() => {
-    const now = document.querySelector(".et-axis")?.dataset;
-    const hasMoved = start !== (now?.start ?? "");
-    start = now?.start ?? "";
-    if ((now?.duration ?? "") !== duration) {
-      const grown = of === now?.of && zoom > 1.01 ? Number(now.duration) / Number(duration) : 0; // what is looked at stays
-      [duration, of] = [now?.duration ?? "", now?.of ?? ""];
-      grown > 0 ? look(zoom * grown, from / grown) : look(1, 0);
-    } else if (hasMoved) drawRuler();
+    const now = document.querySelector(".et-axis")?.dataset ?? {};
+    if (start !== (now.start ?? "") || duration !== (now.duration ?? "")) onto(now);
     const at = head();
     if (zoom > 1.01 && at !== headWas && !held && (at < from || at > from + 1 / zoom)) look(zoom, at - 0.1 / zoom);
     headWas = at;

@@ -179,6 +179,41 @@ def test_what_is_looked_at_stays_while_a_recording_grows_and_goes_with_another_o
     page.wait_for_function(f"() => ({look})()[0] === 1")
 
 
+LOOK = "() => ['--zoom', '--from'].map((name) => Number(document.documentElement.style.getPropertyValue(name)))"
+MOVE = """([start, duration, x]) => {
+  document.querySelector(".et-head-line").style.setProperty("--x", x);
+  Object.assign(document.querySelector(".et-axis").dataset, { start, duration });
+}"""
+
+
+@pytest.mark.parametrize(("start", "duration"), [("546", "60"), ("546", "57"), ("546", "66")])
+def test_what_is_looked_at_stays_while_a_live_buffer_drops_its_oldest(show, start, duration):
+    page = show(AXIS, viewport={"width": 400, "height": 300})  # 570 s of 540 … 600 s
+    page.locator("html[style*='--zoom']").wait_for()
+    page.keyboard.press("+")
+    page.locator("html.etv-zoomed").wait_for()
+    zoom, begin = page.evaluate(LOOK)
+    page.evaluate(MOVE, [start, duration, f"{100 * (570 - float(start)) / float(duration):.3f}%"])
+    page.wait_for_function(f"was => Math.abs(({LOOK})()[1] - was) > 1e-6", arg=begin)
+    now = page.evaluate(LOOK)
+    assert now[0] == pytest.approx(zoom * float(duration) / 60)
+    assert float(start) + now[1] * float(duration) == pytest.approx(540 + begin * 60)
+
+
+def test_it_stays_though_the_moment_lies_elsewhere_and_goes_to_it_once_it_moves(show):
+    page = show(AXIS, viewport={"width": 400, "height": 300})
+    page.locator("html[style*='--zoom']").wait_for()
+    for key in "++]]]":
+        page.keyboard.press(key)  # past the moment
+    zoom, begin = page.evaluate(LOOK)
+    assert begin > 0.5
+    page.evaluate(MOVE, ["546", "60", "40%"])
+    page.wait_for_function(f"was => ({LOOK})()[1] !== was", arg=begin)
+    assert page.evaluate(LOOK) == pytest.approx([zoom, begin - 0.1])
+    page.evaluate(MOVE, ["546", "60", "30%"])
+    page.wait_for_function(f"() => ({LOOK})()[1] < 0.3")
+
+
 def test_a_mark_is_dragged_along_although_its_axis_has_moved_on_meanwhile(show):
     mark = '<b class="et-mark" data-k="mark:a:540,600" data-drag="1" data-pick="1" style="left:10%">A</b>'
     page = show(AXIS.replace("<i class", f"{mark}<i class"), viewport={"width": 1000, "height": 300})
