@@ -15,6 +15,7 @@
     for (const parts of unsaid.splice(0)) {
       const value = [...parts, ++counter].join("|");
       page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value } });
+      document.dispatchEvent(new CustomEvent("etnet-told", { detail: parts[0] }));
     }
   };
   const say = (...parts) => {

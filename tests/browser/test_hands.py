@@ -24,6 +24,11 @@ LIST = (
     f'<button data-k="open:a" {ON_PICK}>astronaut</button><button data-k="open:r" {ON_PICK}>rolling</button></div>'
     "</details>"
 )
+HAS_NO_PLACE = """if (!sessionStorage.getItem("came")) {
+  sessionStorage.setItem("came", "1");
+  Object.defineProperty(window, "etnetChannel", { get() {}, set() {} });
+}"""
+"""The first load finds nobody to tell, as in a crowded demo; the next one has a place."""
 NO_STORAGE = """Object.defineProperty(window, "sessionStorage", {
   get() { throw new DOMException("Access is denied for this document.", "SecurityError"); },
 });"""
@@ -233,3 +238,14 @@ def test_a_link_is_followed_once_and_on_a_reload_only_where_the_browser_keeps_no
     page.reload()
     page.evaluate("window.etnetHello()")
     assert told(page, "link") == (["abc"] if before else [])
+
+
+def test_a_link_that_found_nobody_to_tell_is_told_by_the_reload_that_finds_somebody(show):
+    page = show("", address=f"{ADDRESS}?moment=abc", before=HAS_NO_PLACE)
+    assert told(page, "link") == []
+    page.reload()
+    page.evaluate("window.etnetHello()")
+    assert told(page, "link") == ["abc"]
+    page.reload()
+    page.evaluate("window.etnetHello()")
+    assert told(page, "link") == []
