@@ -104,18 +104,7 @@
     });
   }
 
-  // A button that has the focus is pressed by Enter, and by what reads the page aloud: a click that no pointer made. While
-  // the keyboard is on a button it stays there, though the button's HTML is replaced, be it by what it did.
-  let focused = ""; // that button's key
-  const focusAgain = () => {
-    if (!focused || document.activeElement !== document.body) return false;
-    const buttons = [...document.querySelectorAll(`button[data-k="${CSS.escape(focused)}"]`)];
-    const again = buttons.find((button) => button.checkVisibility());
-    again?.focus({ preventScroll: true });
-    return again !== undefined;
-  };
-  document.addEventListener("focusin", ({ target }) => (focused = target.matches?.("button[data-pick]:focus-visible") ? target.dataset.k : ""));
-  document.addEventListener("pointerdown", () => (focused = ""), true);
+  // A button that has the focus is pressed by Enter, and by what reads the page aloud: a click that no pointer made.
   document.addEventListener("click", (event) => {
     const button = event.target.closest?.("button[data-pick]");
     if (button && event.detail === 0) say("pick", button.dataset.k, 0, 0);
@@ -321,7 +310,7 @@
   const list = () => document.querySelector(".etv-recordings[open]");
   const shut = (open) => {
     open.open = false;
-    focused = "";
+    window.etnetFocus.forget();
     if (open.contains(document.activeElement)) document.activeElement.blur(); // the page has the keys again, at once
   };
   const sift = (rows, typed) => {
@@ -340,13 +329,13 @@
   }, { capture: true, passive: true });
   new MutationObserver(() => {
     const node = document.querySelector(".etv-recordings");
-    if (!node || node === kept.node) return void focusAgain();
+    if (!node || node === kept.node) return void window.etnetFocus.again();
     const hadFocus = document.activeElement === document.body;
     const wasOpen = kept.node?.open;
     kept.node = node;
     if (!wasOpen) {
       kept.typed = "";
-      return void focusAgain();
+      return void window.etnetFocus.again();
     }
     node.open = true;
     const rows = node.querySelector(".etv-list");
@@ -354,7 +343,7 @@
     field.value = kept.typed;
     if (kept.typed) sift(rows, kept.typed);
     rows.scrollTop = kept.top;
-    if (hadFocus && !focusAgain()) field.focus({ preventScroll: true });
+    if (hadFocus && !window.etnetFocus.again()) field.focus({ preventScroll: true });
   }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();

@@ -135,6 +135,76 @@ def test_a_button_that_is_drawn_again_keeps_the_keyboard_and_gives_it_up_to_the_
     assert page.evaluate("new Promise((drawn) => setTimeout(() => drawn(document.activeElement.tagName)))") == "BODY"
 
 
+def loop(is_on):
+    key = f"timeline:{'once' if is_on else 'loop'}"
+    return icon_button("timeline:last", "last", "Last") + icon_button(key, "loop", "Loop the recording", is_on=is_on)
+
+
+def cold(*runs):
+    """Buttons of one name, each of another run."""
+    keys = {f"compare:cold:{number}:{'off' if is_on else 'on'}": " et-on" if is_on else "" for number, is_on in runs}
+    buttons = (
+        f'<button class="et-button{on}" data-k="{key}" {ON_PICK}>cold start</button>' for key, on in keys.items()
+    )
+    return "".join(buttons)
+
+
+def over(is_on):
+    """One switch on each of two cards, and the button that closes what it opens."""
+    key = f"set:attention.over:{'none' if is_on else 'not'}"
+    close = icon_button("set:attention.over:none", "close", "Back to the map") if is_on else ""
+    return close + 2 * icon_button(key, "info", "What maps are not", is_on=is_on)
+
+
+def scene(key, title):
+    say = "Another scene: " + title
+    return f'<button class="etv-round" data-k="open:{key}" {ON_PICK} aria-label="{say}">n</button>' + REMOVE
+
+
+SWITCHES = {
+    "loop": (loop(False), loop(True), 1, 1),
+    "one of several runs": (cold((1, False), (2, False)), cold((1, False), (2, True)), 1, 1),
+    "one on each card": (over(False), over(True), 1, 2),
+    "another scene": (scene("b", "Things that roll"), scene("c", "Photographs on a wall"), 0, 0),
+}
+"""A page before a press and after it; which of its buttons is pressed, and which is that button afterwards."""
+
+
+@pytest.mark.parametrize(("before", "after", "at", "then"), SWITCHES.values(), ids=SWITCHES)
+def test_a_button_whose_key_is_what_the_next_press_does_keeps_the_keyboard(show, before, after, at, then):
+    page = show(f"<main>{before}</main>")
+    draw = "html => { document.querySelector('main').innerHTML = html; }"
+    is_on = "at => document.activeElement === document.querySelectorAll('main button')[at]"
+    for _ in range(at + 1):
+        page.keyboard.press("Tab")
+    for html, place in ((after, then), (before, at), (after, then)):
+        page.keyboard.press("Enter")
+        page.evaluate(draw, html)
+        page.wait_for_function(is_on, arg=place)
+    first, second, third = (words.split("|")[0] for words in told(page))
+    assert first == third != second
+
+
+def test_the_keyboard_does_not_go_from_a_button_that_has_left_to_one_of_the_same_name(show):
+    other = REMOVE.replace("remove:a", "remove:b")
+    page = show(f"<main>{REMOVE}{other}</main>")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    page.evaluate("html => { document.querySelector('main').innerHTML = html; }", other)
+    assert page.evaluate("new Promise((drawn) => setTimeout(() => drawn(document.activeElement.tagName)))") == "BODY"
+
+
+def test_the_demos_slider_keeps_the_arrows_while_it_is_drawn_again_on_an_axis_that_moves_on(show):
+    page = show(f"<main>{TRACK}</main>", workspace="demo")
+    page.keyboard.press("Tab")
+    page.keyboard.press("ArrowRight")
+    page.evaluate("html => { document.querySelector('main').innerHTML = html; }", TRACK.replace("span:540", "span:541"))
+    page.wait_for_function("() => document.activeElement.matches('.etv-track')")
+    page.wait_for_timeout(100)  # arrows that follow each other faster count once
+    page.keyboard.press("ArrowRight")
+    assert [words.split("|")[0] for words in told(page)] == ["span:540,600", "span:541,600"]
+
+
 def test_enter_on_a_row_of_the_list_of_recordings_opens_it_and_shuts_the_list(show):
     page = show(f"<main>{LIST}</main>")
     page.keyboard.press("Tab")
