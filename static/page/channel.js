@@ -44,10 +44,11 @@
 
   // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
   // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile. A finger on what is no
-  // axis may yet begin to scroll: it presses once it is lifted where it was put down, but in the demo, which does not scroll.
+  // axis may yet begin to scroll: it presses once it is lifted where it was put down. In the demo, where
+  // only sheets and the list of recordings scroll, it presses at once elsewhere.
   const STILL = 10; // CSS pixels within which a finger has not moved
   const isPixel = (element) => element?.dataset.k === "pixel" || element?.dataset.k.startsWith("cut:");
-  const mayScroll = (element) => !document.querySelector('[data-etv-workspace="demo"]') || element.closest(".etv-sheet");
+  const mayScroll = (element) => !document.querySelector('[data-etv-workspace="demo"]') || element.closest(".etv-sheet, .etv-list");
   const inside = (f) => Math.min(Math.max(f, 0), 0.99999);
   let held = null; // {key, box, isAxis}
   let waits = null; // the same of a finger that has not been lifted, with its {id, x, y}

@@ -97,6 +97,18 @@ def test_a_finger_presses_where_it_is_lifted_within_ten_pixels_and_not_farther(s
     assert len(told(page)) == 1
 
 
+def test_a_finger_that_scrolls_the_list_of_recordings_opens_none_in_the_demo_either(show):
+    page = show(LIST.replace("<details", "<details open"), workspace="demo", **PHONE)
+    x, y = middle(page, "[data-k='open:a']")
+    hand = page.context.new_cdp_session(page)
+    hand.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    hand.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y - 30}]})
+    hand.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    page.touchscreen.tap(*middle(page, "[data-k='open:r']"))
+    until_told(page, "pick|")
+    assert [words.split("|")[0] for words in told(page)] == ["open:r"]
+
+
 @pytest.mark.parametrize(("workspace", "html"), [("demo", IMAGE), ("inspect", AXIS)])
 def test_where_nothing_scrolls_a_finger_is_answered_as_it_is_put_down(show, workspace, html):
     page = show(html, workspace=workspace, **PHONE)
