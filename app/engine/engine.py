@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -149,8 +150,9 @@ class Engine:
         self._thread.join(patience)
 
     def cached(self, request: FrameRequest) -> PlaybackCached | KeptRanges | None:
-        """Which frames and states are held for a request's recording, model and windows; `None` before any."""
-        return self._published.cached(request) or (None if self._kept is None else self._kept.ranges(request))
+        """What is held of the original's frames and states, exact for no request that changes it; `None` before any."""
+        found = self._published.cached(request) or (None if self._kept is None else self._kept.ranges(request))
+        return found if found is None or request.is_original else replace(found, is_exact=False)
 
     def thumbnail(self, request: FrameRequest) -> Float32[np.ndarray, "h w"] | None:
         """A small copy of a request's exact frame, if it was computed lately."""

@@ -63,7 +63,8 @@ class Published:
         if at_once or now - self._told_at > INTERVAL:
             self._told_at = now
             held = loaded.playback.cached()
-            cached = PlaybackCached(held.frames, held.states, held.nbytes, is_exact(loaded, request))
+            # Held, and told to all who share the playback, are frames of the original, whoever's change is at work.
+            cached = PlaybackCached(held.frames, held.states, held.nbytes, is_exact(loaded, request.plain))
             self._cached[request.playback] = cached
 
     def tell_pace(self, request: FrameRequest, loaded: LoadedPlayback) -> None:

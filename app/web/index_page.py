@@ -20,7 +20,9 @@ from app.html.assets import page_folder
 
 STYLE_SHEETS = ("tokens", "panels", "page", "demo")
 """In the head, where no panel of viser's can take them away."""
-SCRIPTS = ("channel", "link", "scene", "tour", "upload", "tidy", "keys", "pictures", "booth", "camera", "demo_keys")
+SCRIPTS = (
+    "focus", "channel", "link", "scene", "tour", "upload", "tidy", "keys", "pictures", "booth", "camera", "demo_keys",
+)  # fmt: skip
 """At the beginning of the body, in this order."""
 TITLE = "ET-Net viewer"
 DESCRIPTION = "See what an event camera reports, what a network makes of it, and where it looks, live in the browser."

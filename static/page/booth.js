@@ -23,6 +23,14 @@
     else location.replace(address);
   };
 
+  // A page that is loaded while the server is not there would be a browser's error, and stay one.
+  const isThere = async () => {
+    try {
+      return (await fetch("/healthz", { cache: "no-store" })).ok;
+    } catch {
+      return false;
+    }
+  };
   const wait = async () => {
     if (cover) return;
     cover = document.createElement("div");
@@ -33,12 +41,7 @@
     document.body.append(cover);
     for (;;) {
       await new Promise((next) => setTimeout(next, AGAIN));
-      try {
-        const answer = await fetch("/healthz", { cache: "no-store" });
-        if (answer.ok) return reload();
-      } catch {
-        // the server is not there yet: a page that is loaded now would be a browser's error, and stay one
-      }
+      if (await isThere()) return reload();
     }
   };
 
@@ -75,7 +78,7 @@
 
   // A page that found no place looks again, each after a time of its own, so that all who wait do not come at once.
   const looksAgain = 20000 + 20000 * Math.random();
-  setInterval(() => {
-    if (document.querySelector(".etv-crowded")) location.reload();
+  setInterval(async () => {
+    if (document.querySelector(".etv-crowded") && (await isThere())) location.reload();
   }, looksAgain);
 })();

@@ -15,6 +15,7 @@
     for (const parts of unsaid.splice(0)) {
       const value = [...parts, ++counter].join("|");
       page.sendMessage({ type: "GuiUpdateMessage", uuid: window.etnetChannel, updates: { value } });
+      document.dispatchEvent(new CustomEvent("etnet-told", { detail: parts[0] }));
     }
   };
   const say = (...parts) => {
@@ -43,10 +44,11 @@
 
   // Clicks; and dragging, over an image for a pixel and along an axis for a moment: at most 30 values a second, the last
   // one always. What is dragged keeps its place on the screen, though its HTML is replaced meanwhile. A finger on what is no
-  // axis may yet begin to scroll: it presses once it is lifted where it was put down, but in the demo, which does not scroll.
+  // axis may yet begin to scroll: it presses once it is lifted where it was put down. In the demo, where
+  // only sheets and the list of recordings scroll, it presses at once elsewhere.
   const STILL = 10; // CSS pixels within which a finger has not moved
   const isPixel = (element) => element?.dataset.k === "pixel" || element?.dataset.k.startsWith("cut:");
-  const mayScroll = (element) => !document.querySelector('[data-etv-workspace="demo"]') || element.closest(".etv-sheet");
+  const mayScroll = (element) => !document.querySelector('[data-etv-workspace="demo"]') || element.closest(".etv-sheet, .etv-list");
   const inside = (f) => Math.min(Math.max(f, 0), 0.99999);
   let held = null; // {key, box, isAxis}
   let waits = null; // the same of a finger that has not been lifted, with its {id, x, y}
@@ -103,18 +105,7 @@
     });
   }
 
-  // A button that has the focus is pressed by Enter, and by what reads the page aloud: a click that no pointer made. While
-  // the keyboard is on a button it stays there, though the button's HTML is replaced, be it by what it did.
-  let focused = ""; // that button's key
-  const focusAgain = () => {
-    if (!focused || document.activeElement !== document.body) return false;
-    const buttons = [...document.querySelectorAll(`button[data-k="${CSS.escape(focused)}"]`)];
-    const again = buttons.find((button) => button.checkVisibility());
-    again?.focus({ preventScroll: true });
-    return again !== undefined;
-  };
-  document.addEventListener("focusin", ({ target }) => (focused = target.matches?.("button[data-pick]:focus-visible") ? target.dataset.k : ""));
-  document.addEventListener("pointerdown", () => (focused = ""), true);
+  // A button that has the focus is pressed by Enter, and by what reads the page aloud: a click that no pointer made.
   document.addEventListener("click", (event) => {
     const button = event.target.closest?.("button[data-pick]");
     if (button && event.detail === 0) say("pick", button.dataset.k, 0, 0);
@@ -237,15 +228,20 @@
     "]": () => look(zoom, from + 0.25 / zoom),
   };
   let headWas = 0;
+  // A recording that grows, or of which a live buffer drops the oldest, has another axis: what is looked at stays.
+  const onto = (now) => {
+    const former = { start: Number(start), duration: Number(duration) };
+    const stays = of === (now.of ?? "") && zoom > 1.01 && former.duration > 0 && Number(now.duration) > 0;
+    const isAsLong = duration === (now.duration ?? "");
+    [start, duration, of] = [now.start ?? "", now.duration ?? "", now.of ?? ""];
+    if (!stays) return isAsLong ? drawRuler() : look(1, 0);
+    const placed = (share) => (former.start + share * former.duration - Number(start)) / Number(duration);
+    look((zoom * Number(duration)) / former.duration, placed(from));
+    headWas = Math.abs(head() - placed(headWas)) < 2e-5 ? head() : placed(headWas); // told to 1e-5: where it is the same, time stood still
+  };
   setInterval(() => {
-    const now = document.querySelector(".et-axis")?.dataset;
-    const hasMoved = start !== (now?.start ?? "");
-    start = now?.start ?? "";
-    if ((now?.duration ?? "") !== duration) {
-      const grown = of === now?.of && zoom > 1.01 ? Number(now.duration) / Number(duration) : 0; // what is looked at stays
-      [duration, of] = [now?.duration ?? "", now?.of ?? ""];
-      grown > 0 ? look(zoom * grown, from / grown) : look(1, 0);
-    } else if (hasMoved) drawRuler();
+    const now = document.querySelector(".et-axis")?.dataset ?? {};
+    if (start !== (now.start ?? "") || duration !== (now.duration ?? "")) onto(now);
     const at = head();
     if (zoom > 1.01 && at !== headWas && !held && (at < from || at > from + 1 / zoom)) look(zoom, at - 0.1 / zoom);
     headWas = at;
@@ -315,7 +311,7 @@
   const list = () => document.querySelector(".etv-recordings[open]");
   const shut = (open) => {
     open.open = false;
-    focused = "";
+    window.etnetFocus.forget();
     if (open.contains(document.activeElement)) document.activeElement.blur(); // the page has the keys again, at once
   };
   const sift = (rows, typed) => {
@@ -334,13 +330,13 @@
   }, { capture: true, passive: true });
   new MutationObserver(() => {
     const node = document.querySelector(".etv-recordings");
-    if (!node || node === kept.node) return void focusAgain();
+    if (!node || node === kept.node) return void window.etnetFocus.again();
     const hadFocus = document.activeElement === document.body;
     const wasOpen = kept.node?.open;
     kept.node = node;
     if (!wasOpen) {
       kept.typed = "";
-      return void focusAgain();
+      return void window.etnetFocus.again();
     }
     node.open = true;
     const rows = node.querySelector(".etv-list");
@@ -348,7 +344,7 @@
     field.value = kept.typed;
     if (kept.typed) sift(rows, kept.typed);
     rows.scrollTop = kept.top;
-    if (hadFocus && !focusAgain()) field.focus({ preventScroll: true });
+    if (hadFocus && !window.etnetFocus.again()) field.focus({ preventScroll: true });
   }).observe(document.body, { childList: true, subtree: true });
   document.addEventListener("click", (event) => {
     const open = list();

@@ -32,14 +32,23 @@
   const follow = () => {
     const moment = new URLSearchParams(location.search).get("moment");
     const kind = performance.getEntriesByType("navigation")[0]?.type;
+    const keep = () => {
+      try {
+        sessionStorage.setItem("etnet-moment", moment ?? "");
+      } catch {
+        // a page that may keep nothing follows its address each time
+      }
+    };
     let before = null;
     try {
       before = sessionStorage.getItem("etnet-moment");
-      sessionStorage.setItem("etnet-moment", moment ?? "");
     } catch {
-      // a page that may keep nothing follows its address each time
+      // the same
     }
-    if (moment && !(kind === "reload" && before === moment)) say("link", moment);
+    if (!moment || (kind === "reload" && before === moment)) return void keep();
+    // Kept once it is told: a page that found no place among the visitors is loaded anew, and has it to tell then.
+    document.addEventListener("etnet-told", ({ detail }) => detail === "link" && keep());
+    say("link", moment);
   };
   follow();
 })();

@@ -24,6 +24,11 @@ LIST = (
     f'<button data-k="open:a" {ON_PICK}>astronaut</button><button data-k="open:r" {ON_PICK}>rolling</button></div>'
     "</details>"
 )
+HAS_NO_PLACE = """if (!sessionStorage.getItem("came")) {
+  sessionStorage.setItem("came", "1");
+  Object.defineProperty(window, "etnetChannel", { get() {}, set() {} });
+}"""
+"""The first load finds nobody to tell, as in a crowded demo; the next one has a place."""
 NO_STORAGE = """Object.defineProperty(window, "sessionStorage", {
   get() { throw new DOMException("Access is denied for this document.", "SecurityError"); },
 });"""
@@ -92,6 +97,18 @@ def test_a_finger_presses_where_it_is_lifted_within_ten_pixels_and_not_farther(s
     assert len(told(page)) == 1
 
 
+def test_a_finger_that_scrolls_the_list_of_recordings_opens_none_in_the_demo_either(show):
+    page = show(LIST.replace("<details", "<details open"), workspace="demo", **PHONE)
+    x, y = middle(page, "[data-k='open:a']")
+    hand = page.context.new_cdp_session(page)
+    hand.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    hand.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y - 30}]})
+    hand.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    page.touchscreen.tap(*middle(page, "[data-k='open:r']"))
+    until_told(page, "pick|")
+    assert [words.split("|")[0] for words in told(page)] == ["open:r"]
+
+
 @pytest.mark.parametrize(("workspace", "html"), [("demo", IMAGE), ("inspect", AXIS)])
 def test_where_nothing_scrolls_a_finger_is_answered_as_it_is_put_down(show, workspace, html):
     page = show(html, workspace=workspace, **PHONE)
@@ -128,6 +145,76 @@ def test_a_button_that_is_drawn_again_keeps_the_keyboard_and_gives_it_up_to_the_
     page.mouse.click(*middle(page, "p"))
     page.evaluate(again)
     assert page.evaluate("new Promise((drawn) => setTimeout(() => drawn(document.activeElement.tagName)))") == "BODY"
+
+
+def loop(is_on):
+    key = f"timeline:{'once' if is_on else 'loop'}"
+    return icon_button("timeline:last", "last", "Last") + icon_button(key, "loop", "Loop the recording", is_on=is_on)
+
+
+def cold(*runs):
+    """Buttons of one name, each of another run."""
+    keys = {f"compare:cold:{number}:{'off' if is_on else 'on'}": " et-on" if is_on else "" for number, is_on in runs}
+    buttons = (
+        f'<button class="et-button{on}" data-k="{key}" {ON_PICK}>cold start</button>' for key, on in keys.items()
+    )
+    return "".join(buttons)
+
+
+def over(is_on):
+    """One switch on each of two cards, and the button that closes what it opens."""
+    key = f"set:attention.over:{'none' if is_on else 'not'}"
+    close = icon_button("set:attention.over:none", "close", "Back to the map") if is_on else ""
+    return close + 2 * icon_button(key, "info", "What maps are not", is_on=is_on)
+
+
+def scene(key, title):
+    say = "Another scene: " + title
+    return f'<button class="etv-round" data-k="open:{key}" {ON_PICK} aria-label="{say}">n</button>' + REMOVE
+
+
+SWITCHES = {
+    "loop": (loop(False), loop(True), 1, 1),
+    "one of several runs": (cold((1, False), (2, False)), cold((1, False), (2, True)), 1, 1),
+    "one on each card": (over(False), over(True), 1, 2),
+    "another scene": (scene("b", "Things that roll"), scene("c", "Photographs on a wall"), 0, 0),
+}
+"""A page before a press and after it; which of its buttons is pressed, and which is that button afterwards."""
+
+
+@pytest.mark.parametrize(("before", "after", "at", "then"), SWITCHES.values(), ids=SWITCHES)
+def test_a_button_whose_key_is_what_the_next_press_does_keeps_the_keyboard(show, before, after, at, then):
+    page = show(f"<main>{before}</main>")
+    draw = "html => { document.querySelector('main').innerHTML = html; }"
+    is_on = "at => document.activeElement === document.querySelectorAll('main button')[at]"
+    for _ in range(at + 1):
+        page.keyboard.press("Tab")
+    for html, place in ((after, then), (before, at), (after, then)):
+        page.keyboard.press("Enter")
+        page.evaluate(draw, html)
+        page.wait_for_function(is_on, arg=place)
+    first, second, third = (words.split("|")[0] for words in told(page))
+    assert first == third != second
+
+
+def test_the_keyboard_does_not_go_from_a_button_that_has_left_to_one_of_the_same_name(show):
+    other = REMOVE.replace("remove:a", "remove:b")
+    page = show(f"<main>{REMOVE}{other}</main>")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    page.evaluate("html => { document.querySelector('main').innerHTML = html; }", other)
+    assert page.evaluate("new Promise((drawn) => setTimeout(() => drawn(document.activeElement.tagName)))") == "BODY"
+
+
+def test_the_demos_slider_keeps_the_arrows_while_it_is_drawn_again_on_an_axis_that_moves_on(show):
+    page = show(f"<main>{TRACK}</main>", workspace="demo")
+    page.keyboard.press("Tab")
+    page.keyboard.press("ArrowRight")
+    page.evaluate("html => { document.querySelector('main').innerHTML = html; }", TRACK.replace("span:540", "span:541"))
+    page.wait_for_function("() => document.activeElement.matches('.etv-track')")
+    page.wait_for_timeout(100)  # arrows that follow each other faster count once
+    page.keyboard.press("ArrowRight")
+    assert [words.split("|")[0] for words in told(page)] == ["span:540,600", "span:541,600"]
 
 
 def test_enter_on_a_row_of_the_list_of_recordings_opens_it_and_shuts_the_list(show):
@@ -179,6 +266,41 @@ def test_what_is_looked_at_stays_while_a_recording_grows_and_goes_with_another_o
     page.wait_for_function(f"() => ({look})()[0] === 1")
 
 
+LOOK = "() => ['--zoom', '--from'].map((name) => Number(document.documentElement.style.getPropertyValue(name)))"
+MOVE = """([start, duration, x]) => {
+  document.querySelector(".et-head-line").style.setProperty("--x", x);
+  Object.assign(document.querySelector(".et-axis").dataset, { start, duration });
+}"""
+
+
+@pytest.mark.parametrize(("start", "duration"), [("546", "60"), ("546", "57"), ("546", "66")])
+def test_what_is_looked_at_stays_while_a_live_buffer_drops_its_oldest(show, start, duration):
+    page = show(AXIS, viewport={"width": 400, "height": 300})  # 570 s of 540 … 600 s
+    page.locator("html[style*='--zoom']").wait_for()
+    page.keyboard.press("+")
+    page.locator("html.etv-zoomed").wait_for()
+    zoom, begin = page.evaluate(LOOK)
+    page.evaluate(MOVE, [start, duration, f"{100 * (570 - float(start)) / float(duration):.3f}%"])
+    page.wait_for_function(f"was => Math.abs(({LOOK})()[1] - was) > 1e-6", arg=begin)
+    now = page.evaluate(LOOK)
+    assert now[0] == pytest.approx(zoom * float(duration) / 60)
+    assert float(start) + now[1] * float(duration) == pytest.approx(540 + begin * 60)
+
+
+def test_it_stays_though_the_moment_lies_elsewhere_and_goes_to_it_once_it_moves(show):
+    page = show(AXIS, viewport={"width": 400, "height": 300})
+    page.locator("html[style*='--zoom']").wait_for()
+    for key in "++]]]":
+        page.keyboard.press(key)  # past the moment
+    zoom, begin = page.evaluate(LOOK)
+    assert begin > 0.5
+    page.evaluate(MOVE, ["546", "60", "40%"])
+    page.wait_for_function(f"was => ({LOOK})()[1] !== was", arg=begin)
+    assert page.evaluate(LOOK) == pytest.approx([zoom, begin - 0.1])
+    page.evaluate(MOVE, ["546", "60", "30%"])
+    page.wait_for_function(f"() => ({LOOK})()[1] < 0.3")
+
+
 def test_a_mark_is_dragged_along_although_its_axis_has_moved_on_meanwhile(show):
     mark = '<b class="et-mark" data-k="mark:a:540,600" data-drag="1" data-pick="1" style="left:10%">A</b>'
     page = show(AXIS.replace("<i class", f"{mark}<i class"), viewport={"width": 1000, "height": 300})
@@ -198,3 +320,14 @@ def test_a_link_is_followed_once_and_on_a_reload_only_where_the_browser_keeps_no
     page.reload()
     page.evaluate("window.etnetHello()")
     assert told(page, "link") == (["abc"] if before else [])
+
+
+def test_a_link_that_found_nobody_to_tell_is_told_by_the_reload_that_finds_somebody(show):
+    page = show("", address=f"{ADDRESS}?moment=abc", before=HAS_NO_PLACE)
+    assert told(page, "link") == []
+    page.reload()
+    page.evaluate("window.etnetHello()")
+    assert told(page, "link") == ["abc"]
+    page.reload()
+    page.evaluate("window.etnetHello()")
+    assert told(page, "link") == []

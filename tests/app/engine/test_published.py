@@ -3,11 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from app.engine.engine import Engine
 from app.engine.published import RecentFrames
+from etnet.events.edit import EventEdit
+from etnet.nets.intervention import Intervention
 from tests.app.conftest import BUDGET
 from tests.app.fakes import Inbox, Shelf, hold, request
+
+CHANGES = ({"intervention": Intervention(uniform_attention=True)}, {"edit": EventEdit(invert=0.5), "since": 2})
 
 
 def _given(index, is_approximate=False):
@@ -34,6 +39,24 @@ def test_a_frame_that_was_given_is_given_again_while_the_model_is_busy():
     assert len(again.replies) == 1
     gate.release(10_000)
     engine.stop()
+
+
+@pytest.mark.parametrize("change", CHANGES, ids=["in the decoding", "in the memory"])
+def test_what_one_visitor_changes_leaves_the_others_frames_exact_and_their_requests_leave_the_changed_ones_inexact(
+    change,
+):
+    shelf, ada, bob = Shelf(), Inbox(), Inbox()
+    engine = Engine(shelf, BUDGET, threads=1, load=shelf.load, prefetches=False)
+    try:
+        for index in (2, 6):  # what was told last is once one visitor's doing, once the other's
+            engine.request("bob", request(index), bob)
+            bob.ready(index)
+            assert (engine.cached(request(0)).is_exact, engine.cached(request(0, **change)).is_exact) == (True, False)
+            engine.request("ada", request(index + 1, **change), ada)
+            assert not ada.ready(index + 1).is_exact
+            assert (engine.cached(request(0)).is_exact, engine.cached(request(0, **change)).is_exact) == (True, False)
+    finally:
+        engine.stop()
 
 
 def test_the_oldest_go_when_there_is_no_room():
