@@ -244,11 +244,6 @@ def _recordings_below(path: Path, out: Path) -> list[Path]:
     return found
 
 
-def nbytes_of(path: Path) -> int:
-    """The bytes of a file, of all files below a folder, or of those of a pattern."""
-    return sum(each.stat().st_size for each in _files_of(path))
-
-
 def _files_of(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
