@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 _LONGEST_FAILURES = 16 << 20
 """Bytes of one process's list of failures."""
+_WRITTEN = re.compile(r"scores/.*|\.?(failures_\d+\.json|report\.(json|md|svg))(\..*)?", re.DOTALL)
+"""Below --out, what this command writes, unfinished files included."""
+_CHANGED = "the recording or the weights changed while it was scored; run it again"
 RULES = 1
 """Raised when a score would come out differently for the same inputs: old results are then computed again."""
 
@@ -119,10 +122,11 @@ def run(config: Evaluate) -> int:
     models, recordings = sort_items(config.items, config.out) if config.items else _bundled()
     jobs = _jobs(config, models, recordings)
     share = this_share()
-    mine = _dealt(jobs, share)
+    mine = _dealt(jobs, share, config.out)
     judges = _judges(config)
     _forget_failures(config.out, share.rank, share.size)
     failures: list[tuple[Job, str]] = []
+    scored: list[Job] = []
     networks = _Models(config.device)
     for number, job in enumerate(jobs):
         if job not in mine:
@@ -134,11 +138,14 @@ def run(config: Evaluate) -> int:
                     _say(f"{label}: another process is at it")
                     continue
                 scores = _score(config, job, networks, judges, label)
+            scored.append(job)
             _say(f"{label}: LPIPS {scores.mean('lpips'):.4f}, {scores.num_frames} frames")
         except Exception as error:  # whatever it is, it is this pair's and ends no other
             said = str(error) if isinstance(error, EtnetError) else f"{type(error).__name__}: {error}"
             failures.append((job, said))
             _say(f"{label}: failed, {said}")
+    # Nobody else would say so: the scores lie there, and pass for some that another process is still to renew.
+    failures += [(job, _CHANGED) for job in scored if _kept(config, job, judges, networks) is None]
     _write_failures(config.out, share.rank, failures)
     for job, said in failures:
         _say(f"  {job.model} on {job.file}: {said}")
@@ -150,10 +157,10 @@ def run(config: Evaluate) -> int:
     return 1 if report.failures else 0
 
 
-def _dealt(jobs: list[Job], share: Share) -> set[Job]:
+def _dealt(jobs: list[Job], share: Share, out: Path) -> set[Job]:
     """This process's jobs: recordings weigh as much as their files, and every model has the same recordings."""
     by_folder = {job.target: job for job in jobs}
-    sized = [many.Job(job.recording, job.target, many.nbytes_of(job.recording)) for job in jobs]
+    sized = [many.Job(job.recording, job.target, _nbytes_of(job.recording, out)) for job in jobs]
     return {by_folder[job.folder] for job in many.dealt(sized, share)}
 
 
@@ -254,14 +261,33 @@ def _score(config: Evaluate, job: Job, networks: _Models, judges: Judges, label:
 
 def _key(config: Evaluate, job: Job, judges: Judges, weights: str) -> str:
     """All that the numbers depend on."""
-    files = sorted(path for path in job.recording.rglob("*") if path.is_file()) if job.recording.is_dir() else []
-    stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files or [job.recording]]
+    files = _files_of(job.recording, config.out) or [job.recording]
+    stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files]
     kind, _, _ = config.device.partition(":")  # each process may have a GPU of its own
     choices = [config.protocol, config.whole, config.flow, kind, repr(config.opening)]
     choices += [] if config.part() is None else [str(config.part())]
     judged = "alex+vgg" if judges.lpips_vgg else "alex"
     facts = [RULES, choices, judged, weights, stats]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
+
+
+def _files_of(recording: Path, out: Path) -> list[Path]:
+    """The recording's files, in order, without what this command writes where --out lies in its folder, or is it."""
+    if not recording.is_dir():
+        return [recording]
+    folder, out = recording.resolve(), out.resolve()
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    if not out.is_relative_to(folder):
+        return files
+    return [path for path in files if not (path.is_relative_to(out) and _is_written(path.relative_to(out)))]
+
+
+def _is_written(path: Path) -> bool:
+    return _WRITTEN.fullmatch(path.as_posix()) is not None
+
+
+def _nbytes_of(recording: Path, out: Path) -> int:
+    return sum(path.stat().st_size for path in _files_of(recording, out))
 
 
 def _weights_digest(model: Network) -> str:
@@ -272,10 +298,20 @@ def _weights_digest(model: Network) -> str:
     return digest.hexdigest()
 
 
+def _kept(config: Evaluate, job: Job, judges: Judges, networks: _Models) -> Scores | None:
+    """The pair's scores, if they are of its weights and its recording as they are now."""
+    from etnet.evaluation.scores import read_scores
+
+    try:
+        key = _key(config, job, judges, networks.digest(job.model))
+    except (EtnetError, OSError):
+        return None
+    return read_scores(job.target, key)
+
+
 def _collect(config: Evaluate, jobs: list[Job], judges: Judges, networks: _Models) -> Report | None:
     """The report once every job has ended, in success or failure; None before."""
     from etnet.evaluation.report import Report
-    from etnet.evaluation.scores import read_scores
 
     failed = dict(_read_failures(config.out))
     if not all(job.target.name in failed or job.target.exists() for job in jobs):
@@ -286,13 +322,9 @@ def _collect(config: Evaluate, jobs: list[Job], judges: Judges, networks: _Model
         if job.target.name in failed:
             failures.append(job.failed(failed[job.target.name]))
             continue
-        try:
-            key = _key(config, job, judges, networks.digest(job.model))
-        except (EtnetError, OSError):
-            return None  # it changed since it was scored; whose job it is will say so
-        read = read_scores(job.target, key)
+        read = _kept(config, job, judges, networks)
         if read is None:
-            return None
+            return None  # it changed since it was scored; whose job it is will say so
         scores.append(replace(read, model=job.labels[0], recording=job.labels[1]))
     return Report(config.protocol, tuple(scores), tuple(failures))
 

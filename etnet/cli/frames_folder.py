@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from etnet.cli.many import DONE
+from etnet.cli.many import DONE, note_of
 from etnet.errors import EtnetError
 
 STAMPS, VIDEO, MARKER = "stamps.csv", "video.mp4", ".etnet-frames"
 """Beside the folder of the frames, in OUT. Where the marker lies, frames, stamps and video are this command's."""
+SETTINGS = "Reconstruct("
+"""What the settings begin with that this command notes of a finished recording; others' are not its own."""
 FRAMES, KALIBR = "frames", "cam0"
 _NAMES = {FRAMES: re.compile(r"frame_\d{6,}\.png"), KALIBR: re.compile(r"\d{19}\.png")}
 
@@ -32,7 +34,7 @@ def check_frames(folder: Path, overwrite: bool, is_shared: bool = False) -> None
     out = folder.parent
     if not (overwrite or is_shared) and (out / STAMPS).exists():
         raise EtnetError(f"{out}: holds frames already; give another --out, or --overwrite")
-    is_ours = (out / MARKER).is_file() or (out / DONE).is_file()
+    is_ours = (out / MARKER).is_file() or _has_own_note(out)
     foreign = [] if overwrite or is_ours else _former(folder)
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
@@ -48,9 +50,14 @@ def make_room(folder: Path, overwrite: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     # First, so that what is stopped from here on is begun again, and never passes for what was finished.
     (out / MARKER).touch()  # an empty file, for which a full disk has room, too
-    (out / DONE).unlink(missing_ok=True)
+    if _has_own_note(out):
+        (out / DONE).unlink()
     for path in _former(folder):
         path.unlink()
+
+
+def _has_own_note(out: Path) -> bool:
+    return str(note_of(out).get("settings")).startswith(SETTINGS)
 
 
 def _former(folder: Path) -> list[Path]:

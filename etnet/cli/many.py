@@ -181,12 +181,17 @@ def run_many(
 
 def is_done(job: Job, settings: str) -> bool:
     """Whether the job was finished with these settings from the file as it is."""
+    done = note_of(job.folder)
+    return all(done.get(name) == value for name, value in _sign_of(job, settings).items())
+
+
+def note_of(folder: Path) -> Mapping[str, object]:
+    """What is noted of the recording that a command finished in a folder; empty where none did."""
     try:
-        done = bounded_json((job.folder / DONE).read_bytes(), _LONGEST_NOTE)
+        done = bounded_json((folder / DONE).read_bytes(), _LONGEST_NOTE)
     except (OSError, ValueError):
-        return False
-    wanted = _sign_of(job, settings)
-    return isinstance(done, dict) and all(done.get(name) == value for name, value in wanted.items())
+        return {}
+    return done if isinstance(done, dict) else {}
 
 
 def _sign_of(job: Job, settings: str) -> dict[str, str | int]:
@@ -242,11 +247,6 @@ def _recordings_below(path: Path, out: Path) -> list[Path]:
         elif each.suffix.lower() in suffixes and each.name.lower() not in _BESIDE_EVENTS:
             found.append(each)
     return found
-
-
-def nbytes_of(path: Path) -> int:
-    """The bytes of a file, of all files below a folder, or of those of a pattern."""
-    return sum(each.stat().st_size for each in _files_of(path))
 
 
 def _files_of(path: Path) -> list[Path]:

@@ -133,8 +133,9 @@ def _folder_of(config: Reconstruct) -> Path:
 def _check_out(config: Reconstruct, is_shared: bool = False) -> None:
     """Finished frames, and what others put there, stay, unless they may be replaced; what is read from, always."""
     folder = _folder_of(config)
-    if config.stamps is not None and Path(config.stamps).resolve() == folder.resolve():
-        raise EtnetError(f"--stamps {config.stamps}: the frames would go there and replace it; give another --out")
+    written = folder.resolve(), (config.out / STAMPS).resolve()
+    if config.stamps is not None and Path(config.stamps).resolve() in written:
+        raise EtnetError(f"--stamps {config.stamps}: what is written would replace it; give another --out")
     check_frames(folder, config.overwrite, is_shared)
 
 

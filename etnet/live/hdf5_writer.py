@@ -38,6 +38,8 @@ class Hdf5Writer:
         for name, kind in (("t", "i8"), ("channel", "i2"), ("edge", "i1")):
             self._file.create_dataset(f"triggers/{name}", (0,), kind, maxshape=(None,), chunks=(1024,))
         self._file.attrs["sensor_resolution"] = np.array([sensor.height, sensor.width])
+        # No part of the layout; without it a reader has to judge the unit, and a quiet scene misleads it.
+        self._file.attrs["time_unit"] = "s"
         self._file.attrs["source"] = f"live from {source}"
         if settings:
             self._file.attrs["settings"] = as_json(settings)

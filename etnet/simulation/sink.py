@@ -74,6 +74,7 @@ class RecordingSink:
         found["num_pos"], found["num_neg"] = self._num_positive, self.num_events - self._num_positive
         found["t0"], found["tk"] = self._first * 1e-6, self.last * 1e-6
         found["duration"] = (self.last - self._first) * 1e-6
+        found["time_unit"] = "s"  # no part of the layout; without it a quiet scene misleads readers
         found["sensor_resolution"] = (self._sensor.height, self._sensor.width)
         found["num_imgs"], found["num_flow"] = self.num_frames, self.num_flows
         for name, value in attributes.items():

@@ -68,6 +68,7 @@ def _write_events(file: h5py.File, events: Events, gzip_level: int) -> None:
     file.attrs["num_neg"] = len(events) - num_positive
     file.attrs["t0"], file.attrs["tk"] = first * 1e-6, last * 1e-6
     file.attrs["duration"] = (last - first) * 1e-6
+    file.attrs["time_unit"] = "s"  # no part of the layout; without it a quiet scene misleads readers
     file.attrs["sensor_resolution"] = (events.sensor.height, events.sensor.width)
 
 

@@ -77,6 +77,8 @@ CHANGEABLE = (
     "data.workers", "data.prefetch",
 )  # fmt: skip
 """Fields that may differ when a run is taken up: they change no weight that is still to come."""
+_OF_TRAINING = "dropout"
+"""Of the network's fields the one that acts in training alone and has no weights."""
 MOVABLE = ("data.photos", "data.cutouts")
 """Folders that may lie elsewhere when a run is taken up: their own names count."""
 
@@ -98,7 +100,8 @@ def check_continues(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> 
     kind = then.get("optimiser", {}).get("kind", config.optimiser.kind)
     network = config.as_plain()["network"]
     assert isinstance(network, dict)
-    other = [f"network.{name}" for name, value in then.get("network", {}).items() if network.get(name, value) != value]
+    before = {name: value for name, value in then.get("network", {}).items() if name != _OF_TRAINING}
+    other = [f"network.{name}" for name, value in before.items() if network.get(name, value) != value]
     other += ["optimiser.kind"] * (kind != config.optimiser.kind)
     if other:
         raise TrainingError(

@@ -13,7 +13,7 @@ from pathlib import Path
 from etnet.bundled import bundled_folder
 from etnet.evaluation.lpips import ALEX_FILE
 from etnet.files import in_megabytes, replace_folder, working_folder
-from etnet.training.checkpoint import LAST, check_same_run, load_checkpoint
+from etnet.training.checkpoint import LAST, check_continues, check_same_run, load_checkpoint
 from etnet.training.config import TrainConfig, TrainingError
 from etnet.training.distributed import World
 from etnet.training.log import LOG
@@ -96,8 +96,9 @@ def write_pack(
     if folder.exists():
         raise TrainingError(f"{folder}: is there already; name a new folder with --pack")
     last, there = config.out / LAST, away(config)
-    if last.exists() and not changed:
-        check_same_run(decided(config, World(), last), load_checkpoint(last), last)
+    if last.exists():
+        check = check_continues if changed else check_same_run
+        check(decided(config, World(), last), load_checkpoint(last), last)
     with working_folder(folder) as made:
         parts = {"source": _keep(made / SOURCE, source_archive())}
         pictures = None

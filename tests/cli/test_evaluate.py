@@ -1,6 +1,7 @@
 """`etnet evaluate` goes on where it stopped, names what it could not do, and shares its work out."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -158,6 +159,60 @@ def test_a_pair_that_another_process_is_at_is_left_to_it(folder: Path, monkeypat
     assert inner == [0, 0]
     assert "another process is at it" in capsys.readouterr().err
     assert len(report(folder)["scores"]) == 1
+
+
+@pytest.mark.parametrize("out", ["evaluation", "."])
+def test_a_recording_is_the_same_though_the_report_lies_in_its_folder(folder: Path, monkeypatch, capsys, out) -> None:
+    recording = folder / "one"
+    recording.mkdir()
+    (folder / "one.h5").rename(recording / "events.h5")
+    monkeypatch.chdir(recording)
+    line = ["evaluate", str(folder / "mine.safetensors"), ".", "--out", out, "--judge", "alex", "--flow", "file"]
+    assert main(line) == 0
+    assert "still at work" not in capsys.readouterr().err
+    written = recording / out
+    first = (written / "report.json").read_bytes()
+    (written / ".report.md.1.0123abcd.unfinished").write_bytes(b"of another process")
+    monkeypatch.setattr("etnet.evaluation.evaluate.evaluate", no_evaluation)
+    assert main(line) == 0
+    assert (written / "report.json").read_bytes() == first
+    (recording / "labels.csv").write_bytes(b"of the recording")
+    assert main(line) == 1
+    assert "scored once more" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("changed", ["recording", "weights"])
+def test_a_pair_that_changed_while_it_was_scored_is_named_and_the_rest_is_reported(
+    folder: Path, monkeypatch, capsys, changed
+) -> None:
+    from etnet.evaluation import evaluate as module
+
+    weights(folder / "other.safetensors", 3)
+    items = "mine.safetensors", "other.safetensors", "one.h5", "two.h5"
+    assert evaluate(folder, *items) == 0
+    scored, calls = module.evaluate, []
+
+    def changes_the_first(*arguments, **named):
+        found = scored(*arguments, **named)
+        calls.append(0)
+        if len(calls) == 1 and changed == "weights":
+            weights(folder / "mine.safetensors", 7)
+        elif len(calls) == 1:
+            os.utime(folder / "one.h5", ns=(1, 1))
+        return found
+
+    weights(folder / "mine.safetensors", 6)
+    monkeypatch.setattr(module, "evaluate", changes_the_first)
+    capsys.readouterr()
+    assert evaluate(folder, *items) == 1
+    said = capsys.readouterr().err
+    assert "mine.safetensors on one.h5: the recording or the weights changed while it was scored; run it again" in said
+    assert "still at work" not in said
+    failures = [failure[:2] for failure in report(folder)["failures"]]
+    assert failures == [[str(folder / "mine.safetensors"), "one.h5"]]
+    assert len(report(folder)["scores"]) == 3
+    assert evaluate(folder, *items) == 0
+    assert report(folder)["failures"] == []
 
 
 @pytest.mark.parametrize("names", [("RANK", "WORLD_SIZE"), ("SLURM_PROCID", "SLURM_NTASKS")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from etnet.cli.frames_folder import MARKER, check_frames, make_room
 from etnet.cli.main import main
+from etnet.cli.reconstruct import Reconstruct
 from etnet.errors import EtnetError
 from etnet.events.events import Sensor
 from etnet.events.recording import recording_of_events
@@ -86,6 +88,40 @@ def test_the_pictures_whose_names_give_the_moments_are_never_taken_away(given, t
     assert below(pictures) == {name.removeprefix("cam0/"): content for name, content in before.items()}
 
 
+def test_the_table_whose_stamps_give_the_moments_is_never_taken_away(given, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert reconstruct(given, out, "--windows", "duration=50ms") == 0
+    before = below(out)
+    line = ("--stamps", str(out / "." / "stamps.csv"), "--overwrite")
+    assert reconstruct(given, out, *line) == 1
+    assert "what is written would replace it; give another --out" in capsys.readouterr().err
+    assert below(out) == before
+    assert reconstruct(given, tmp_path / "again", *line) == 0
+    assert below(out) == before
+
+
+@pytest.mark.parametrize("note", ['{"settings": "ConvertEvents(paths=())"}', '{"settings": 1}', "[]", "{", ""])
+def test_what_another_command_noted_as_finished_makes_nothing_this_commands_own(given, tmp_path, capsys, note):
+    (tmp_path / "done.json").write_text(note)
+    film = put(tmp_path / "video.mp4")
+    assert reconstruct(given, tmp_path, "--windows", "duration=50ms") == 1
+    assert "video.mp4: not known to be of this command" in capsys.readouterr().err
+    assert film.read_bytes() == b"mine"
+    assert reconstruct(given, tmp_path, "--windows", "duration=50ms", "--overwrite") == 0
+    assert (tmp_path / "done.json").read_text() == note
+
+
+def test_what_this_command_noted_as_finished_makes_the_rest_its_own(given, tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.h5").write_bytes((given / "ev.h5").read_bytes())
+    out = tmp_path / "out"
+    line = ["reconstruct", str(tmp_path / "a.h5"), str(tmp_path / "b.h5"), *_common(given, out), "--windows"]
+    assert main([*line, "duration=25ms"]) == 0
+    (out / "a" / MARKER).unlink()  # as former versions left it
+    assert main([*line, "duration=50ms"]) == 0
+    assert "duration=50ms" in json.loads((out / "a" / "done.json").read_text())["settings"]
+
+
 def test_a_picture_is_taken_away_only_where_the_layout_has_such_names(given, tmp_path):
     assert reconstruct(given, tmp_path, "--windows", "duration=50ms") == 0
     other = put(tmp_path / "frames" / f"{20_000_000:019d}.png")
@@ -127,7 +163,7 @@ def test_of_many_what_is_not_of_this_command_fails_alone_and_other_settings_do_t
 def test_frames_of_other_settings_that_were_stopped_halfway_do_not_count_as_the_former_ones(tmp_path):
     folder = tmp_path / "frames"
     make_room(folder, overwrite=False)
-    put(tmp_path / "done.json")
+    (tmp_path / "done.json").write_text(json.dumps({"settings": f"{Reconstruct(files=())}"}))
     make_room(folder, overwrite=False)
     assert not (tmp_path / "done.json").exists()
 

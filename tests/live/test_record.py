@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 
 import aedat
 import h5py
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from etnet.errors import RecordingError, WindowError
+from etnet.events.events import Sensor
 from etnet.events.formats.hdf5 import journal
 from etnet.events.open import open_recording
 from etnet.live import buffer as buffer_module
@@ -27,6 +29,7 @@ from etnet.live.recording import LiveRecording
 from etnet.live.source import Packet, Setting
 from etnet.live.windows import KeptWindows, LiveWindows
 from etnet.windows import ByCount, Window
+from tests import strategies
 from tests.live.sources import GivenPackets, cut_up, edges_at, frames_at, make_events, same
 from tests.strategies import SMALL
 
@@ -39,6 +42,17 @@ def _recorded(path, packets, **options):
         for packet in packets:
             live._take(packet)
     return open_recording(path)
+
+
+@pytest.mark.parametrize("flushes", [True, False])
+def test_a_quiet_source_is_as_long_when_it_is_read_again(tmp_path, flushes):
+    events = strategies.make_events(150, Sensor(346, 260), duration=600 * 10**6)
+    with closing(Hdf5Writer(tmp_path / "a.h5", events.sensor, "a quiet room")) as writer:
+        writer.add_events(events)
+        if flushes:
+            writer.flush()
+    with open_recording(tmp_path / "a.h5") as recording:
+        assert np.array_equal(recording.read(0, 150).t, events.t)
 
 
 FULL = """

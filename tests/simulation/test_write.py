@@ -15,9 +15,11 @@ from etnet.simulation.config import SequenceConfig
 from etnet.simulation.dataset import write_dataset
 from etnet.simulation.pictures import PicturePool, is_held_out
 from etnet.simulation.sequence import simulate_sequence
+from etnet.simulation.sink import RecordingSink
 from etnet.simulation.write import Take, take_of, write_take
 from etnet.windows import BetweenFrames, plan_windows
 from tests.simulation.pictures_made_up import made_up_pool
+from tests.strategies import make_events
 
 POOL = made_up_pool()
 CONFIG = SequenceConfig(size=(40, 56), num_windows=6)
@@ -74,6 +76,20 @@ def test_a_recording_without_events_can_be_written(tmp_path):
     with h5py.File(tmp_path / "a.h5") as file:
         assert file.attrs["num_events"] == 0
         assert "flow" not in file
+
+
+@pytest.mark.parametrize("name", ["take.h5", "film.h5"])
+def test_a_quiet_simulation_is_as_long_when_read_again(name, tmp_path):
+    events = make_events(150, Sensor(346, 260), duration=600 * 10**6)
+    if name == "take.h5":
+        write_take(tmp_path / name, Take(events, np.array([0, 10]), np.zeros((2, 260, 346), np.uint8)), {})
+    else:
+        with h5py.File(tmp_path / name, "w") as file:
+            sink = RecordingSink(file, events.sensor)
+            sink.append(events)
+            sink.finish({})
+    with open_recording(tmp_path / name) as recording:
+        assert np.array_equal(recording.read(0, 150).t, events.t)
 
 
 def test_the_same_take_gives_the_same_bytes_and_a_broken_run_leaves_no_recording(tmp_path):

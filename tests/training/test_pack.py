@@ -254,6 +254,10 @@ def test_a_pack_takes_up_the_run_that_is_there(tmp_path: Path):
     train(config)
     with pytest.raises(TrainingError, match="made with another seed"):
         packed(replace(config, seed=1), tmp_path / "other")
+    other = replace(config, network=replace(config.network, scales=2))
+    with pytest.raises(TrainingError, match=r"another network\.scales, which --changed cannot change"):
+        write_pack(other, tmp_path / "other", BOUND, command_line, changed=True)
+    assert not (tmp_path / "other").exists()
     folder = packed(replace(config, minutes=3), tmp_path / "pack")
     assert load_checkpoint(folder / "run" / LAST).update == 2
     assert (folder / "run" / "log.jsonl").exists()

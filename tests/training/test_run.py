@@ -204,6 +204,16 @@ def test_what_cannot_be_changed_is_refused_by_name(tmp_path: Path):
             train(other, changed=True)
 
 
+def test_the_dropout_may_change_for_it_is_in_no_weight(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(1, size=(40, 48)),))
+    train(config)
+    longer = replace(config, stages=(Stage(2, size=(40, 48)),), network=replace(config.network, dropout=0.25))
+    with pytest.raises(TrainingError, match=r"another network\.dropout"):
+        train(longer)
+    assert train(longer, changed=True).model.config.dropout == 0.25
+    assert load_checkpoint(tmp_path / LAST).config["network"]["dropout"] == 0.25
+
+
 def test_a_run_keeps_what_it_began_from(tmp_path: Path):
     config = micro(tmp_path / "run", stages=(Stage(1, size=(40, 48)),))
     start = tmp_path / "start.safetensors"

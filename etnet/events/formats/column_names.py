@@ -56,7 +56,7 @@ def named_axis(name: str) -> tuple[str, TimeUnit | None] | None:
 
 def stated_unit(text: object) -> TimeUnit | None:
     """The unit that the value of `time_unit` names, which our own files have beside their columns; None if none."""
-    word = text.decode("ascii", "replace") if isinstance(text, bytes) else text
+    word = text.decode("utf-8", "replace") if isinstance(text, bytes) else text
     return _unit(word.strip().lower()) if isinstance(word, str) else None
 
 

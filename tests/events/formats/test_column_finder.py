@@ -129,6 +129,29 @@ def test_a_t_offset_that_the_stamps_have_in_them_is_not_added(tmp_path):
             assert any("t_offset" in said.text for said in recording.remarks) is remark
 
 
+@pytest.mark.parametrize("word", ["ns", b"nanoseconds", np.bytes_(b"ns")])
+@pytest.mark.parametrize("block", [0, 512])
+def test_the_unit_that_a_text_beside_the_columns_names_is_taken(word, block, tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w", userblock_size=block) as file:
+        for name, value in {**columns(), "t": EVENTS.t * 1000, "time_unit": word}.items():
+            file[f"events/{name}"] = value
+    assert "time unit" not in holds_events(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("is_damaged", [False, True])
+def test_a_text_that_is_too_long_for_a_unit_is_not_read(is_damaged, tmp_path):
+    path, word = tmp_path / "a.h5", "ns" if is_damaged else "ns" + " " * 100
+    save_h5(path, {**columns(), "time_unit": word})
+    if is_damaged:
+        with h5py.File(path) as file:
+            place = file["time_unit"].id.get_offset()
+        content = bytearray(path.read_bytes())
+        assert content[place : place + 4] == b"\2\0\0\0"
+        content[place : place + 4] = b"\xff\xff\xff\xff"
+        path.write_bytes(content)
+    assert "time unit us, because" in holds_events(path)
+
+
 NUMPY = {
     "arr_0.npz": lambda path: np.savez(path, table("xytp")),
     "events.npz": lambda path: np.savez(path, events=table("xypt")),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
 import h5py
+import numpy as np
 
 from etnet.events.formats.bounds import check_growth
 from etnet.events.formats.column_finder import Leaf
@@ -13,6 +15,8 @@ from etnet.events.formats.hdf5.file import dataset, find
 
 MOST_DATASETS = 20_000
 _DEEPEST = 8
+_LONGEST_TEXT = 1 << 16
+"""Bytes beyond which it does not matter how long a text is."""
 
 
 def tree_of(file: h5py.File, name: str) -> dict[str, Leaf]:
@@ -32,7 +36,22 @@ def _walk(group: h5py.Group, prefix: str, file: h5py.File, name: str, found: dic
         if isinstance(node, h5py.Group) and prefix.count("/") < _DEEPEST:
             _walk(node, path + "/", file, name, found)
         elif isinstance(node, h5py.Dataset) and node.shape is not None:
-            found[path] = Leaf(node.shape, node.dtype, lambda p=path: dataset(file, p, name, ndim=None))
+            found[path] = Leaf(node.shape, _type_of(node), lambda p=path: dataset(file, p, name, ndim=None))
+
+
+def _type_of(stored: h5py.Dataset) -> np.dtype:
+    """A dataset's type; a single text of any length, as h5py writes one, counts as one of the bytes that it has.
+
+    Their number stands where the dataset lies, before the place of the text: no long one is read to be measured.
+    """
+    text = h5py.check_string_dtype(stored.dtype)
+    if stored.shape != () or text is None or text.length is not None or stored.file.driver != "sec2":
+        return stored.dtype
+    place = stored.id.get_offset()
+    if place is None:
+        return stored.dtype
+    length = int.from_bytes(os.pread(stored.file.id.get_vfd_handle(), 4, place), "little")
+    return np.dtype(f"S{min(length, _LONGEST_TEXT)}")
 
 
 def check_columns(file: h5py.File, paths: set[str], name: str) -> None:
