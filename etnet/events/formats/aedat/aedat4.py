@@ -17,6 +17,7 @@ from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import declared_sensor
 from etnet.events.formats.decode import collect
+from etnet.events.formats.foreign import listed
 from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.imu import InertialTable
 from etnet.events.formats.packets import Packets
@@ -135,7 +136,7 @@ def _say_streams(kinds: Mapping[int, str], own: Collection[int], remarks: Remark
 
 
 def _listed(numbers: list[int]) -> str:
-    return ", ".join(map(str, numbers))
+    return listed([str(number) for number in numbers])
 
 
 def _next_events(
