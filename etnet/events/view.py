@@ -57,6 +57,21 @@ class _Placement:
             return down, right - across
         return across, down
 
+    def truth(self, truth: GroundTruth) -> GroundTruth:
+        """A camera's pictures in the same way, in colour where they are."""
+        read_colour = truth.read_colour
+        # Flow vectors would have to turn and shrink with the pixels; no protocol evaluates a changed view.
+        return GroundTruth(
+            truth.stamps,
+            lambda i: self.frame(truth.read_frame(i)),
+            white=truth.white,
+            read_colour=None if read_colour is None else lambda i: self.colour(read_colour(i)),
+        )
+
+    def colour(self, picture: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "a b 3"]:
+        """A picture with colours: each of them by itself."""
+        return np.stack([self.frame(picture[..., channel]) for channel in range(3)], 2)
+
     def frame(self, frame: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "a b"]:
         """A camera's picture in the same way; binning is the mean, with the edge repeated where a block is cut."""
         left, top, width, height = self.region
@@ -178,10 +193,7 @@ def seen_whole(view: View, recording: Recording) -> Recording:
     if view.region is not None:
         raise RecordingError(f"{recording.name}: a region needs a whole recording; open the file with it")
     placement = _Placement(view, (0, 0, recording.sensor.width, recording.sensor.height))
-    truth = recording.ground_truth
-    if truth is not None:
-        read_frame = truth.read_frame
-        truth = GroundTruth(truth.stamps, lambda i: placement.frame(read_frame(i)))
+    truth = None if recording.ground_truth is None else placement.truth(recording.ground_truth)
     source = _PlacedSource(recording.source, placement)
     return replace(recording, source=source, sensor=placement.sensor, ground_truth=truth)
 
@@ -208,5 +220,4 @@ def _placed_truth(opened: Opened, placement: _Placement, remarks: Remarks) -> Gr
     if truth.read_frame(0).shape != (opened.sensor.height, opened.sensor.width):
         remarks.detected("the camera's frames have another size than the sensor and are not shown in this view")
         return None
-    # Flow vectors would have to turn and shrink with the pixels; no protocol evaluates a changed view.
-    return GroundTruth(truth.stamps, lambda i: placement.frame(truth.read_frame(i)))
+    return placement.truth(truth)

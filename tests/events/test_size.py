@@ -21,7 +21,7 @@ from etnet.events.formats.prophesee import indexed as indexed_raw
 from etnet.events.formats.prophesee import raw as prophesee
 from etnet.events.formats.prophesee.evt2_evt3 import EVT, Notes, State
 from etnet.events.index_store import index_folder, index_path, load_index, save_index
-from etnet.events.open import open_recording
+from etnet.events.open import Assumptions, open_recording
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
 from tests.events.containers import all_events, assert_same_events
@@ -302,6 +302,24 @@ def test_a_long_hdf5_file_gets_its_index_in_the_background(layout, tmp_path, mon
         start, stop = recording.source.bracket(25_000)
         assert start <= np.searchsorted(events.t, 25_000) <= stop < len(events)
         assert [recording.index_at(t) for t in stamps] == wanted
+
+
+@pytest.mark.parametrize("kind", ["columns", "pieces"])
+def test_a_long_recording_in_a_folder_gets_its_index_each_time(kind, tmp_path):
+    events, folder = make_events(250_000), tmp_path / "rec"
+    folder.mkdir()
+    for axis in "xytp" if kind == "columns" else "":
+        np.save(folder / f"{axis}.npy", getattr(events, axis))
+    for number in range(2) if kind == "pieces" else ():
+        part = events[125_000 * number : 125_000 * (number + 1)]
+        np.savez(folder / f"events_{number}.npz", **{axis: getattr(part, axis) for axis in "xytp"})
+    for _ in range(2):
+        with open_recording(folder, assume=Assumptions(width=20, height=12)) as recording:
+            wait_for(lambda source=recording.source: source.bracket(25_000) is not None)
+            assert_same_events(all_events(recording), events)
+            for t in (0, 1, 25_000, 49_999, 50_001):
+                assert recording.index_at(t) == np.searchsorted(events.t, t)
+    assert not index_folder().exists()
 
 
 def test_a_file_closes_while_its_index_is_being_made(tmp_path, monkeypatch):

@@ -85,6 +85,39 @@ def test_a_region_is_the_events_inside_it_by_any_slice(written, data, monkeypatc
         np.testing.assert_array_equal(recording.ground_truth.read_frame(2), expected)
 
 
+VIEWS = {
+    "downsample": View(downsample=2),
+    "flip and turn": View(flip="vertical", rotate=90),
+    "region": View(region=(2, 2, 16, 8), downsample=2, rotate=270),
+}
+
+
+@pytest.mark.parametrize("form", VIEWS)
+def test_a_view_keeps_the_pictures_colours_and_their_depth(form, tmp_path):
+    view = VIEWS[form]
+    pictures = np.random.default_rng(0).integers(0, 65_536, (3, 12, 20, 3)).astype(np.float32) / 65_535
+    truth = GroundTruth(
+        np.array([0, 20_000, 40_000]), lambda i: pictures[i].mean(2), white=65_535.0, read_colour=lambda i: pictures[i]
+    )
+    whole = recording_of_events(make_events(2000), ground_truth=truth)
+    write_recording(whole, tmp_path / "a.h5")
+    left, top, width, height = view.region or (0, 0, 20, 12)
+    part = pictures[1][top : top + height, left : left + width]
+    channels = [by_hand(part[..., c], view.downsample, view.flip, view.rotate, np.mean) for c in range(3)]
+    with open_recording(tmp_path / "a.h5", view=view) as recording:
+        seen = [recording.ground_truth]
+        seen += [view_module.seen_whole(view, whole).ground_truth] if view.region is None else []
+        for placed in seen:
+            assert placed.white == 65_535
+            assert placed.read_colour(1).shape == (recording.sensor.height, recording.sensor.width, 3)
+            np.testing.assert_allclose(placed.read_colour(1), np.stack(channels, 2), atol=2e-5)
+
+
+def test_a_view_of_grey_pictures_claims_no_colour(written):
+    with open_recording(written[0], view=View(flip="both")) as recording:
+        assert recording.ground_truth.read_colour is None
+
+
 def test_binning_a_sensor_that_does_not_divide_loses_no_event(written):
     path, events, _ = written
     with open_recording(path, view=View(region=(0, 0, 19, 11), downsample=4)) as recording:

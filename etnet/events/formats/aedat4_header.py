@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 from etnet.errors import RecordingError
@@ -15,10 +16,22 @@ from etnet.errors import RecordingError
 _VERSION_LINE = 14
 _LARGEST_HEADER = 1 << 24
 _DESCRIPTION = 2
+_MOST_DIGITS = 9
+"""Of a stream's number, which has 31 bits."""
 
 
-def check_header(path: Path) -> dict[str, str]:
-    """The attributes of the streams' description, by their keys, the first of each.
+class Described(NamedTuple):
+    """What the header says of the streams: attributes by their keys, the first of each; the camera that each is from.
+
+    `sources` is by the streams' numbers and lacks those whose camera is not named.
+    """
+
+    attributes: dict[str, str]
+    sources: dict[int, str]
+
+
+def check_header(path: Path) -> Described:
+    """The streams' description.
 
     Raises RecordingError if the header is not whole, or its description is no plain XML in UTF-8.
     """
@@ -43,7 +56,17 @@ def check_header(path: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for attribute in tree.iter("attr"):
         found.setdefault(attribute.get("key", ""), attribute.text or "")
-    return found
+    return Described(found, _sources(tree))
+
+
+def _sources(tree: ElementTree.Element) -> dict[int, str]:
+    """A stream is a node that is called by its number, and what is known of it stands in its node `info`."""
+    named: dict[int, str] = {}
+    for stream in tree.iter("node"):
+        number, source = stream.get("name", ""), stream.find("node[@name='info']/attr[@key='source']")
+        if source is not None and source.text and number.isdecimal() and len(number) <= _MOST_DIGITS:
+            named[int(number)] = source.text
+    return named
 
 
 def _description(header: bytes) -> bytes:

@@ -156,10 +156,17 @@ class ZipStore:
         return None
 
 
+class TooLarge(RecordingError):
+    """A file that is larger than what is read whole."""
+
+
 def read_small(store: Store, name: str, label: str) -> bytes:
     """A whole small file: a picture, a table of stamps, a piece of metadata."""
     most = at_most(MAX_SMALL_FILE)
     if store.size(name) > most:
-        raise RecordingError(f"{label}: {name} has {store.size(name)} bytes; at most {most} are expected there")
+        raise TooLarge(
+            f"{label}: {name} has {store.size(name)} bytes; at most {most} are expected there: allow more with "
+            "--unpack-limit MB, if you trust it"
+        )
     with store.open(name) as stream:
         return stream.read(most + 1)

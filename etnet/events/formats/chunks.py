@@ -17,7 +17,7 @@ from jaxtyping import Shaped
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
-from etnet.events.formats.archive import FolderStore, Store, ZipStore
+from etnet.events.formats.archive import FolderStore, Store, TooLarge, ZipStore
 from etnet.events.formats.arrays.leaves import held, leaves_of, load_foreign
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import Unpacked
@@ -79,6 +79,9 @@ def _is_chunked(request: Request) -> bool:
                     return False
                 offset = piece.offset if number == 0 else offset
                 last = _check_begins_after(piece, last, member, request, offset)
+            except TooLarge:
+                # It is a piece all the same, and opening it tells the remedy.
+                return True
             except RecordingError:
                 return False
         if _kind(member) in ("npz", "npy"):

@@ -10,6 +10,7 @@ import re
 from collections import defaultdict
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from itertools import pairwise
 
 import numpy as np
 
@@ -46,9 +47,11 @@ def pictures_beside(store: Store, prefix: str, label: str, remarks: Remarks, max
     inside = [name for name in store.names() if name.startswith(prefix)]
     folders: dict[str, list[str]] = defaultdict(list)
     for name in inside:
-        if name.lower().endswith(PICTURES) and not any(word in name.lower() for word in _NO_PICTURES):
+        if name.lower().endswith(PICTURES) and not _is_computed(name, prefix):
             folders[name.rpartition("/")[0]].append(name)
     lists = [name for name in inside if _LISTS.match(name.rpartition("/")[2].lower())]
+    # A recording's folder may be called "depth", and then all that is in it.
+    lists = [name for name in lists if not _is_computed(name, prefix)] or lists
     for member in sorted(lists, key=lambda name: (name.count("/"), not name.endswith("images.txt"), name)):
         listed = _read_list(store, member, label)
         files = _named(listed, prefix, inside, remarks) if listed.files else _counted(listed, folders, remarks)
@@ -57,28 +60,53 @@ def pictures_beside(store: Store, prefix: str, label: str, remarks: Remarks, max
     return _by_name(store, folders, label, remarks, max_pixels)
 
 
+def _is_computed(name: str, prefix: str) -> bool:
+    """Whether a file belongs to what is no camera's picture, by its path under `prefix`."""
+    return any(word in name[len(prefix) :].lower() for word in _NO_PICTURES)
+
+
 def _read_list(store: Store, member: str, label: str) -> _List:
-    stamps: list[Decimal] = []
+    rows: list[list[Decimal | None]] = []
     files: list[str] = []
     unit: TimeUnit | None = None
+    place: int | None = None
     text = read_small(store, member, label).decode("utf-8-sig", "replace")
     for number, line in enumerate(text.splitlines(), 1):
         tokens = [token.strip("\"'") for token in re.split(r"[\s,;]+", line.strip()) if token]
-        if not tokens or tokens[0].startswith("#"):
-            unit = unit or _named_unit(line)
+        row = [_number(token) for token in tokens]
+        is_without = all(value is None for value in row)
+        if not tokens or tokens[0].startswith("#") or (is_without and not rows):
+            unit, named = unit or _named_unit(line), _named_place(line)
+            place = place if named is None or rows else named
             continue
-        stamp = next((_number(token) for token in tokens if _number(token) is not None), None)
         file = next((token for token in tokens if token.lower().endswith(PICTURES)), None)
-        if stamp is None and not stamps:
-            unit = unit or _named_unit(line)
-            continue
-        if stamp is None or (file is None and files) or (file is None and len(tokens) > 3):
+        if is_without or (file is None and files) or (file is None and len(tokens) > 3):
             raise RecordingError(
                 f'{label}: line {number} of {member} reads "{line.strip()[:60]}"; wanted a stamp and a picture\'s name'
             )
-        stamps.append(stamp)
+        rows.append(row)
         files += [] if file is None else [file.replace("\\", "/")]
-    return _List(member, stamps, files, unit)
+    return _List(member, _stamps(rows, place), files, unit)
+
+
+def _stamps(rows: list[list[Decimal | None]], named: int | None) -> list[Decimal]:
+    """The number of each row at the place that the head names, else the first that does not merely count the rows."""
+    if named is not None:
+        there = [value for row in rows if named < len(row) and (value := row[named]) is not None]
+        if len(there) == len(rows):
+            return there
+    values = [[value for value in row if value is not None] for row in rows]
+    has_two = len(rows) > 1 and all(len(row) > 1 for row in values)
+    counts_rows = has_two and all(later[0] - row[0] == 1 for row, later in pairwise(values))
+    return [row[1 if counts_rows else 0] for row in values]
+
+
+def _named_place(line: str) -> int | None:
+    """Which column the head calls the stamps; its names may hold blanks where something else divides them."""
+    words = re.split(r"[,;]|\s{2,}|\t", line.strip("# \t"))
+    words = line.strip("# \t").split() if len(words) == 1 else words
+    named = [named_axis(word) for word in words]
+    return next((place for place, found in enumerate(named) if found is not None and found[0] == "t"), None)
 
 
 def _named_unit(line: str) -> TimeUnit | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from threading import Event, Lock, Thread
 
 import numpy as np
@@ -31,9 +32,8 @@ class StampIndex:
         self._name = request.name
         self._stopped = Event()
         self._stamps: Int64[np.ndarray, " blocks"] | None = None
-        # A stated unit changes the stamps.
-        self._path = index_path(request.path, f"stamps of {num_events}, unit {request.assume.time_unit}")
-        kept = load_index(self._path)
+        self._path = _path_of(request, num_events)
+        kept = None if self._path is None else load_index(self._path)
         if kept is not None and kept.get("stamps", np.empty(0)).shape == (self._num_blocks,):
             self._stamps = kept["stamps"]
             return
@@ -72,5 +72,14 @@ class StampIndex:
             # Whoever reads there is told; a search without the index goes on elsewhere.
             return
         if bool((np.diff(stamps) >= 0).all()):
-            save_index(self._path, {"stamps": stamps})
+            if self._path is not None:
+                save_index(self._path, {"stamps": stamps})
             self._stamps = stamps
+
+
+def _path_of(request: Request, num_events: int) -> Path | None:
+    """Where the index is kept. A folder has no content of its own to know it by: its index is made each time."""
+    if request.path.is_dir():
+        return None
+    # A stated unit changes the stamps.
+    return index_path(request.path, f"stamps of {num_events}, unit {request.assume.time_unit}")

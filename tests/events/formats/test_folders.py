@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from etnet.errors import RecordingError
+from etnet.events.formats import bounds
 from etnet.events.open import Assumptions, open_recording
 from tests.events.containers import all_events, assert_same_events
 from tests.strategies import make_events
@@ -144,6 +145,17 @@ def test_pieces_with_other_columns_are_refused(tmp_path):
     np.savez(folder / "000003.npz", a=np.zeros(3))
     with pytest.raises(RecordingError, match=r"000003\.npz has other columns"):
         open_recording(folder)
+
+
+def test_a_piece_that_is_too_large_to_be_read_whole_tells_the_remedy(tmp_path, monkeypatch):
+    save_pieces(tmp_path / "events", form="events_{}.npz")
+    monkeypatch.setattr("etnet.events.formats.archive.MAX_SMALL_FILE", 1000)
+    monkeypatch.setattr(bounds, "_allowed", 0)
+    with pytest.raises(RecordingError, match=r"events_0\.npz: .*\.npy has \d+ bytes; .*--unpack-limit MB"):
+        open_recording(tmp_path / "events", assume=SIZE)
+    bounds.allow_unpacking(1 << 20)
+    with open_recording(tmp_path / "events", assume=SIZE) as recording:
+        assert_same_events(all_events(recording), EVENTS)
 
 
 def test_numbered_recordings_that_begin_anew_are_not_joined(tmp_path):

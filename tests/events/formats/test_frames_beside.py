@@ -163,6 +163,15 @@ LISTS = {
     "name first": "".join(f"images/frame_{i:08d}.png;{t}\n" for i, t in enumerate(SECONDS)),
     "backslashes": "".join(f"{t} images\\frame_{i:08d}.png\n" for i, t in enumerate(SECONDS)),
     "one stamp a line": "".join(f"{t}\n" for t in STAMPS),
+    "rows that are counted": "".join(f"{7 + i} {t} images/frame_{i:08d}.png\n" for i, t in enumerate(SECONDS)),
+    "counted rows and whole micros": "".join(f"{i},{t},images/frame_{i:08d}.png\n" for i, t in enumerate(STAMPS)),
+    "a head that names the stamps' place": "# exported by hand\n# id timestamp image_name\n"
+    + "".join(f"{2 * i} {t} images/frame_{i:08d}.png\n" for i, t in enumerate(SECONDS)),
+    "names of several words": "picture number, time stamp [ms], file\n"
+    + "".join(f"{2 * i},{t / 1000},images/frame_{i:08d}.png\n" for i, t in enumerate(STAMPS)),
+    "an exposure behind the stamp": "".join(f"{t} 0.5 images/frame_{i:08d}.png\n" for i, t in enumerate(STAMPS)),
+    "words that name no place": "# pictures, each with its time\n# a time of day is not kept\n"
+    + "".join(f"{t} images/frame_{i:08d}.png\n" for i, t in enumerate(SECONDS)),
 }
 
 
@@ -198,6 +207,23 @@ def test_pictures_named_by_their_stamps_need_no_list(tmp_path):
     with open_recording(folder) as recording:
         assert recording.ground_truth.stamps.tolist() == STAMPS.tolist()
         assert "are named by their stamps" in said(recording)
+
+
+def test_stamps_of_what_is_no_picture_cost_the_pictures_nothing(tmp_path):
+    folder = save_folder(tmp_path / "a", None)
+    (folder / "images" / "timestamps.txt").write_text(LISTS["one stamp a line"])
+    (folder / "disparity").mkdir()
+    (folder / "disparity" / "timestamps.txt").write_text("".join(f"{t}\n" for t in STAMPS[::2]))
+    with open_recording(folder) as recording:
+        assert recording.ground_truth.stamps.tolist() == STAMPS.tolist()
+        assert "left out" not in said(recording)
+
+
+@pytest.mark.parametrize("form", ["plain", "one stamp a line"])
+def test_a_recording_may_be_called_as_what_is_no_picture(form, tmp_path):
+    save_folder(tmp_path / "a" / "slider_depth", LISTS[form])
+    with open_recording(tmp_path / "a") as recording:
+        assert recording.ground_truth.stamps.tolist() == STAMPS.tolist()
 
 
 def test_pictures_of_10_bits_are_not_black(tmp_path):

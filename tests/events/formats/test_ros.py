@@ -144,10 +144,18 @@ def text(value: str) -> bytes:
 
 def write_mcap(path, messages: list[bytes], compression: str, kind: str = "dvs_msgs/msg/EventArray") -> None:
     """One chunk with everything in it, by the specification."""
-    inner = record(3, struct.pack("<H", 1) + text(kind) + text("ros2msg") + text(""))
-    inner += record(4, struct.pack("<HH", 1, 1) + text("/dvs/events") + text("cdr") + struct.pack("<I", 0))
-    for number, content in enumerate(messages):
-        inner += record(5, struct.pack("<HIQQ", 1, number, 0, 0) + content)
+    write_channels(path, [("/dvs/events", kind, "cdr", messages)], compression)
+
+
+def write_channels(path, channels: list[tuple[str, str, str, list[bytes]]], compression: str = "") -> None:
+    """Of each channel its topic, type, serialisation and messages."""
+    inner = b""
+    for number, (topic, kind, encoding, messages) in enumerate(channels, 1):
+        inner += record(3, struct.pack("<H", number) + text(kind) + text(f"{encoding}msg") + text(""))
+        head = struct.pack("<HH", number, number)
+        inner += record(4, head + text(topic) + text(encoding) + struct.pack("<I", 0))
+        for place, content in enumerate(messages):
+            inner += record(5, struct.pack("<HIQQ", number, place, 0, 0) + content)
     packed = {"": lambda b: b, "lz4": lz4.frame.compress, "zstd": zstd.compress}[compression](inner)
     chunk = struct.pack("<QQQI", 0, 0, len(inner), 0) + text(compression) + struct.pack("<Q", len(packed)) + packed
     magic = b"\x89MCAP0\r\n"

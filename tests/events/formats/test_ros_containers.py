@@ -7,6 +7,7 @@ import sqlite3
 import struct
 import time
 
+import cv2
 import lz4.frame
 import numpy as np
 import pytest
@@ -27,9 +28,11 @@ from tests.events.formats.test_ros import (
     serialise,
     store_of,
     text,
+    write_channels,
     write_database,
     write_mcap,
 )
+from tests.events.formats.test_ros_pictures import packed_picture, raw_picture
 from tests.events.formats.test_triggers import EDGES, found, raw_words
 from tests.strategies import make_events
 
@@ -82,6 +85,29 @@ def test_a_killed_bag_is_read_as_far_as_it_goes(tmp_path, compression, share):
         said = "\n".join(remark.text for remark in recording.remarks)
     assert "has no index" in said
     assert "breaks off" in said
+
+
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_a_bag_of_ros_1_in_an_mcap_is_read_with_its_pictures_and_triggers(tmp_path, is_packed):
+    picture = np.full((12, 20), 90, np.uint8)
+    packed = packed_picture(cv2.imencode(".png", picture)[1].tobytes(), "png", False)
+    images = ("CompressedImage", packed) if is_packed else ("Image", raw_picture(picture, "mono8", False))
+    arrays = [event_array(EVENTS[i : i + 400], ROS1, False) for i in (0, 400, 800)]
+    channels = [
+        ("/dvs/events", "dvs_msgs/EventArray", "ros1", arrays),
+        ("/dvs/image_raw", f"sensor_msgs/{images[0]}", "ros1", [images[1]] * 2),
+        ("/dvs/trigger", "std_msgs/Time", "ros1", [struct.pack("<II", 0, 700_000)]),
+        # Of a program that adds what ROS 2 says.
+        ("/more/trigger", "builtin_interfaces/msg/Time", "cdr", [b"\0\1\0\0" + struct.pack("<II", 0, 900_000)]),
+    ]
+    write_channels(tmp_path / "a.mcap", channels, "zstd")
+    with open_recording(tmp_path / "a.mcap") as recording:
+        read = all_events(recording)
+        for axis in "xytp":
+            np.testing.assert_array_equal(getattr(read, axis), getattr(EVENTS, axis))
+        assert len(recording.ground_truth) == 2
+        np.testing.assert_allclose(recording.ground_truth.read_frame(1), picture / 255, atol=1e-6)
+        assert recording.triggers.stamps.tolist() == [700, 900]
 
 
 def bag_record(header: dict[bytes, bytes], data: bytes) -> bytes:

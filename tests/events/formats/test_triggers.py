@@ -120,7 +120,7 @@ def test_triggers_of_aedat_4_are_the_edges_of_its_input_alone():
     packets = [{"stream_id": 0, "events": events}, {"stream_id": 1, "triggers": records}]
     others = aedat4._Others(FrameCache(Scratch("a")))
     decoder = iter(packets)
-    while aedat4._next_events(decoder, 0, None, others) is not None:
+    while aedat4._next_events(decoder, 0, {1}, others) is not None:
         pass
     triggers = others.triggers.triggers(Remarks())
     assert triggers.stamps.tolist() == [5, 6, 7]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from bisect import bisect_right
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +17,7 @@ from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import declared_sensor
 from etnet.events.formats.decode import collect
+from etnet.events.formats.foreign import listed
 from etnet.events.formats.frames import Frames, attached
 from etnet.events.formats.imu import InertialTable
 from etnet.events.formats.packets import Packets
@@ -52,19 +54,22 @@ def _open(request: Request) -> Opened:
     if not event_streams and not frame_streams:
         raise RecordingError(f"{request.name}: an AEDAT4 file without events and frames; nothing to open")
     wanted = _wanted_stream(event_streams, request, remarks)
-    size = streams[wanted if wanted is not None else frame_streams[0]]
+    camera = frame_streams[0] if wanted is None else wanted
+    size = streams[camera]
     where = f"{request.name}: its header"
     sensor = declared_sensor(size["width"], size["height"], where, request.assume.max_pixels)
     others = _Others(FrameCache(request.scratch))
-    frames = frame_streams[0] if frame_streams else None
-    packets = Packets(request, "AEDAT4", _ROUGH_BYTES_PER_EVENT, lambda: _next_events(decoder, wanted, frames, others))
+    kinds = {number: str(stream["type"]) for number, stream in streams.items()}
+    own = own_streams(kinds, camera, event_streams or frame_streams, described.sources)
+    _say_streams(kinds, own, remarks)
+    packets = Packets(request, "AEDAT4", _ROUGH_BYTES_PER_EVENT, lambda: _next_events(decoder, wanted, own, others))
     collected = collect(request, packets.pieces(), sensor, remarks)
     if collected.source.num_events == 0 and len(others.frames) == 0:
         raise RecordingError(f"{request.name}: holds no events; there is nothing to open")
     if packets.break_off is not None:
         remarks.repaired(packets.break_off)
     _say(others, collected.source.num_events, remarks)
-    truth = _truth(others, collected.span, request.name, remarks, described.get("white", ""))
+    truth = _truth(others, collected.span, request.name, remarks, described.attributes.get("white", ""))
     inertial = others.motion.inertial(remarks)
     triggers = others.triggers.triggers(remarks)
     return Opened(
@@ -76,7 +81,7 @@ def _open(request: Request) -> Opened:
         truth,
         inertial,
         triggers=triggers,
-        provenance=provenance_of(described),
+        provenance=provenance_of(described.attributes),
     )
 
 
@@ -94,14 +99,56 @@ def _wanted_stream(streams: list[int], request: Request, remarks: Remarks) -> in
     return wanted
 
 
+def own_streams(
+    kinds: Mapping[int, str], camera: int, cameras: list[int], sources: Mapping[int, str]
+) -> frozenset[int]:
+    """Stream `camera`, and of each kind those that go with it, of frames the first one; `cameras` ascend.
+
+    They tell by their sources, as dv-processing's writer for two cameras names them. One without a source belongs to
+    the camera before it, unless all cameras come first: then numbers tell nothing.
+    """
+    source = sources.get(camera)
+    foreign = {sources[number] for number in cameras if number in sources} - {source}
+    beside = sorted(number for number in kinds if number not in cameras)
+    is_grouped = any(number < cameras[-1] for number in beside)
+
+    def belongs(number: int) -> bool:
+        if source is not None and number in sources:
+            return sources[number] not in foreign
+        return not is_grouped or cameras[max(0, bisect_right(cameras, number) - 1)] == camera
+
+    own = {camera}
+    for kind in {kinds[number] for number in beside}:
+        there = [number for number in beside if kinds[number] == kind and belongs(number)]
+        there = [number for number in there if sources.get(number) == source] or there
+        own.update(there[:1] if kind == "frame" else there)
+    return frozenset(own)
+
+
+def _say_streams(kinds: Mapping[int, str], own: Collection[int], remarks: Remarks) -> None:
+    """Which streams are shown, where there are some that are not."""
+    for kind, name in (("frame", "frames"), ("imus", "inertial samples"), ("triggers", "triggers")):
+        there = sorted(number for number, each in kinds.items() if each == kind)
+        shown = [number for number in there if number in own]
+        if len(shown) < len(there):
+            which = f"of stream {_listed(shown)} are shown" if shown else "are not shown, being another camera's"
+            remarks.detected(f"{name} are in streams {_listed(there)}; those {which}")
+
+
+def _listed(numbers: list[int]) -> str:
+    return listed([str(number) for number in numbers])
+
+
 def _next_events(
-    decoder: Iterable[dict[str, Any]], wanted: int | None, frames: int | None, others: _Others
+    decoder: Iterable[dict[str, Any]], wanted: int | None, own: Collection[int], others: _Others
 ) -> np.ndarray | None:
-    """The next packet of events; what lies between is kept or counted."""
+    """The next packet of events; what lies between in the camera's own streams is kept or counted."""
     for packet in decoder:
         if "events" in packet and packet["stream_id"] == wanted:
             return packet["events"]
-        if "frame" in packet and packet["stream_id"] == frames:
+        if packet["stream_id"] not in own:
+            continue
+        if "frame" in packet:
             _keep_frame(packet["frame"], others)
         elif "imus" in packet:
             _keep_motion(packet["imus"], others)

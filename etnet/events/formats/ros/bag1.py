@@ -44,7 +44,7 @@ class _Bag:
     def message(self, header: Fields, data: bytes, fraction: float) -> Message | None:
         """The message, if its connection is wanted."""
         connection = self.connections.get(_number(header, b"conn"))
-        return None if connection is None else Message(*connection, data, fraction)
+        return None if connection is None else Message(*connection, data, fraction, is_cdr=False)
 
 
 def read_bag(path: Path, contents: Contents) -> Iterator[Message]:

@@ -43,7 +43,6 @@ class _Bag:
     """The messages that matter, as they pass: events of one topic go on, pictures are kept."""
 
     request: Request
-    is_cdr: bool
     pictures: Pictures
     event_topic: str = ""
     sensor: Sensor | None = None
@@ -64,7 +63,7 @@ class _Bag:
             self.pictures.take(message)
             return None
         if kind in STAMPED:
-            self.triggers.take(message, self.is_cdr)
+            self.triggers.take(message)
             return None
         if kind not in EVENT_ARRAYS and kind not in EVENT_PACKETS:
             return None
@@ -75,10 +74,10 @@ class _Bag:
             self.others.add(message.topic)
             return None
         if kind in EVENT_ARRAYS:
-            array = parse_array(message.content, self.is_cdr)
+            array = parse_array(message.content, message.is_cdr)
             self._size(array.width, array.height)
             return array.events._replace(fraction=message.fraction)
-        packet = parse_packet(message.content, self.is_cdr)
+        packet = parse_packet(message.content, message.is_cdr)
         self._size(packet.width, packet.height)
         self.encoding = self.encoding or packet.encoding
         if packet.encoding == "libcaer":
@@ -118,10 +117,10 @@ def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Deco
             yield part
 
 
-def _new_bag(request: Request, is_cdr: bool) -> _Bag:
+def _new_bag(request: Request) -> _Bag:
     """What a person chose stands before anything is read."""
     events, _, pictures = (request.assume.topic or "").partition(",")
-    bag = _Bag(request, is_cdr, Pictures(request.scratch, is_cdr, max_pixels=request.assume.max_pixels))
+    bag = _Bag(request, Pictures(request.scratch, max_pixels=request.assume.max_pixels))
     bag.pictures.wanted = pictures.strip()
     bag.event_topic, bag.is_chosen = events.strip(), bool(events.strip())
     bag.pictures.belong_to(bag.event_topic)
@@ -151,9 +150,9 @@ def _without_events(bag: _Bag, contents: Contents) -> RecordingError:
 
 
 def _open_messages(
-    request: Request, what: str, messages: Iterator[Message], contents: Contents, is_cdr: bool, remarks: Remarks
+    request: Request, what: str, messages: Iterator[Message], contents: Contents, remarks: Remarks
 ) -> Opened:
-    bag = _new_bag(request, is_cdr)
+    bag = _new_bag(request)
     parts = _guarded(bag, messages, what)
     first = next(parts, None)
     if first is None:
@@ -233,10 +232,10 @@ def _contents(request: Request) -> Contents:
     return Contents(lambda kind: kind in wanted, lambda fraction: request.progress(min(fraction, 0.99)))
 
 
-def _opener(what: str, read: ReadMessages, is_cdr: bool) -> Callable[[Request], Opened]:
+def _opener(what: str, read: ReadMessages) -> Callable[[Request], Opened]:
     def opened(request: Request) -> Opened:
         contents = _contents(request)
-        return _open_messages(request, what, read(request.path, contents), contents, is_cdr, Remarks())
+        return _open_messages(request, what, read(request.path, contents), contents, Remarks())
 
     return opened
 
@@ -257,18 +256,16 @@ def _open_folder(request: Request) -> Opened:
             for message in reader(part, contents):
                 yield message._replace(fraction=(number + message.fraction) / len(parts))
 
-    return _open_messages(request, "ROS 2 folder", messages(), contents, True, remarks)
+    return _open_messages(request, "ROS 2 folder", messages(), contents, remarks)
 
 
 def _is_folder(request: Request) -> bool:
     return request.path.is_dir() and any(name.endswith(SUFFIXES) for name in request.members)
 
 
-ROS1_BAG = Format(
-    "ROS 1 bag", (".bag", ".active"), lambda r: r.head[:8] == b"#ROSBAG ", _opener("ROS 1 bag", read_bag, False)
-)
-MCAP = Format("ROS 2 MCAP", (".mcap",), lambda r: r.head[:8] == MAGIC, _opener("ROS 2 MCAP", read_mcap, True))
+ROS1_BAG = Format("ROS 1 bag", (".bag", ".active"), lambda r: r.head[:8] == b"#ROSBAG ", _opener("ROS 1 bag", read_bag))
+MCAP = Format("MCAP", (".mcap",), lambda r: r.head[:8] == MAGIC, _opener("MCAP", read_mcap))
 ROS2_DATABASE = Format(
-    "ROS 2 SQLite", (".db3",), lambda r: r.head[:16] == _SQLITE, _opener("ROS 2 SQLite", read_database, True)
+    "ROS 2 SQLite", (".db3",), lambda r: r.head[:16] == _SQLITE, _opener("ROS 2 SQLite", read_database)
 )
 ROS2_FOLDER = Format("ROS 2 folder", ("",), _is_folder, _open_folder)

@@ -19,6 +19,8 @@ class Message(NamedTuple):
     type: str
     content: bytes
     fraction: float
+    is_cdr: bool
+    """Whether it is serialised as in ROS 2; else as in ROS 1, whose bags can be packed into MCAP as they are."""
 
 
 class CutOff(ValueError):

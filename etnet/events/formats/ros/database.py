@@ -102,7 +102,7 @@ def _messages(database: sqlite3.Connection, contents: Contents, watch: _Watch) -
         watch.has_a_row()
         watch.fraction = done / len(order)
         if row is not None and row[0] in topics:
-            yield Message(*topics[row[0]], bytes(row[1]), watch.fraction)
+            yield Message(*topics[row[0]], bytes(row[1]), watch.fraction, is_cdr=True)
 
 
 def _order(database: sqlite3.Connection, watch: _Watch) -> np.ndarray:

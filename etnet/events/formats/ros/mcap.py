@@ -20,6 +20,9 @@ _MOST_RECORDS = 1 << 21
 """Of one chunk, which a recorder closes at some megabytes."""
 
 _TICKS = 1 << 10
+_ROS1 = "ros1"
+"""How a channel calls the serialisation of ROS 1."""
+
 _CHUNK_HEAD = 64
 """Bytes in which a chunk says what it is."""
 
@@ -30,7 +33,7 @@ class _Channels:
     def __init__(self, contents: Contents) -> None:
         self._contents = contents
         self._schemas: dict[int, str] = {}
-        self._wanted: dict[int, tuple[str, str]] = {}
+        self._wanted: dict[int, tuple[str, str, bool]] = {}
 
     def message(self, kind: int, body: bytes, fraction: float) -> Message | None:
         """A wanted message; schemas and channels are noted."""
@@ -38,11 +41,12 @@ class _Channels:
             self._schemas[struct.unpack_from("<H", body)[0]] = _text(body, 2)[0]
         elif kind == _CHANNEL:
             number, schema = struct.unpack_from("<HH", body)
-            topic, type_name = _text(body, 4)[0], self._schemas.get(schema, "")
+            (topic, place), type_name = _text(body, 4), self._schemas.get(schema, "")
             if self._contents.note(topic, type_name):
-                self._wanted[number] = (topic, type_name)
+                self._wanted[number] = (topic, type_name, _text(body, place)[0] != _ROS1)
         elif kind == _MESSAGE and (channel := self._wanted.get(struct.unpack_from("<H", body)[0])) is not None:
-            return Message(*channel, body[22:], fraction)
+            topic, type_name, is_cdr = channel
+            return Message(topic, type_name, body[22:], fraction, is_cdr)
         return None
 
 

@@ -60,7 +60,6 @@ class Pictures:
     """
 
     scratch: Scratch
-    is_cdr: bool
     event_topic: str = ""
     topics: dict[str, _Topic] = field(default_factory=dict)
     others: list[str] = field(default_factory=list)
@@ -95,8 +94,8 @@ class Pictures:
 
     def _parsed(self, message: Message) -> Picture:
         if plain_type(message.type) in COMPRESSED_IMAGES:
-            return parse_compressed(message.content, self.is_cdr, self.max_pixels)
-        return parse_picture(message.content, self.is_cdr)
+            return parse_compressed(message.content, message.is_cdr, self.max_pixels)
+        return parse_picture(message.content, message.is_cdr)
 
     def belong_to(self, event_topic: str) -> None:
         """Drop the pictures of all topics but the one nearest to that of the events; of equals the first stays."""

@@ -38,14 +38,14 @@ class TopicTriggers:
     stamps: dict[str, list[int]] = field(default_factory=dict)
     num_damaged: int = 0
 
-    def take(self, message: Message, is_cdr: bool) -> None:
+    def take(self, message: Message) -> None:
         """Keep the stamp of a message on a topic of triggers."""
         if not is_trigger_topic(message.topic):
             return
         kept = self.stamps.setdefault(message.topic, [])
         try:
             if len(kept) < MOST_TRIGGERS:
-                kept.append(_stamp(message, is_cdr))
+                kept.append(_stamp(message))
         except (ValueError, struct.error):
             self.num_damaged += 1
 
@@ -69,8 +69,8 @@ class TopicTriggers:
         return table.triggers(remarks)
 
 
-def _stamp(message: Message, is_cdr: bool) -> int:
-    cursor = Cursor(message.content, is_cdr)
+def _stamp(message: Message) -> int:
+    cursor = Cursor(message.content, message.is_cdr)
     if plain_type(message.type) in _STAMPS:
         return cursor.number("I") * 10**9 + cursor.number("I")
     return cursor.header()
