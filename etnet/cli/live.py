@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -21,6 +21,11 @@ from etnet.live.open import SourceOptions, open_source, parsed_keep, parsed_sens
 from etnet.live.rate import follower_of
 from etnet.live.record import Recorder, check_recordable
 from etnet.live.recording import LiveRecording
+from etnet.windows import Policy
+
+if TYPE_CHECKING:
+    from etnet.live.binning import Downsample
+    from etnet.nets.base import Reconstructor
 
 MEASURED_SECONDS = 0.5
 """Of events that the rate is measured over before windows are chosen."""
@@ -84,9 +89,10 @@ def run(config: ReconstructLive) -> int:
 
     if config.gamma is not None:
         check_gamma(config.gamma)
+    policy = None if config.windows is None else parse_policy(config.windows)
     check_frames(config.out / FRAMES, config.overwrite)
     if config.record is not None:
-        check_recordable(config.record, config.overwrite)
+        check_recordable(config.record, config.overwrite, config.live)
     model = load_model(config.model, config.device, config.precision)
     with ExitStack() as stack:
         is_stopped = stack.enter_context(stopping(config.options.seconds))
@@ -94,13 +100,19 @@ def run(config: ReconstructLive) -> int:
         downsample = fitting_downsample(live.sensor)
         if config.downsample != "auto":
             downsample = {"1": 1, "2": 2, "4": 4}[config.downsample]
-        num_frames = _reconstruct(config, stack, live, model, downsample, is_stopped)
+        num_frames = _reconstruct(config, policy, stack, live, model, downsample, is_stopped)
     console.print(f"wrote {num_frames} frames to {config.out}", markup=False, soft_wrap=True)
     return 0 if num_frames else 1
 
 
 def _reconstruct(
-    config: ReconstructLive, stack: ExitStack, live: LiveRecording, model, downsample, is_stopped: Event
+    config: ReconstructLive,
+    policy: Policy | None,
+    stack: ExitStack,
+    live: LiveRecording,
+    model: Reconstructor,
+    downsample: Downsample,
+    is_stopped: Event,
 ) -> int:
     from etnet.cli.live_frames import FrameFolder
     from etnet.events.events import Sensor
@@ -109,26 +121,34 @@ def _reconstruct(
     from etnet.live.windows import LiveWindows
 
     seen = Sensor(-(-live.sensor.width // downsample), -(-live.sensor.height // downsample))
-    step_seconds = measured_step(model, seen) if config.windows is None else 0.0
+    step_seconds = measured_step(model, seen) if policy is None else 0.0
+    # A policy that live windows do not take is refused here, before a file of --record is replaced.
+    asked = None if policy is None else LiveWindows(live, policy, seen)
     recorder = None
     if config.record is not None:
         recorder = stack.enter_context(Recorder(live, config.record, first=0, overwrite=config.overwrite))
     live.start()
-    if config.windows is None:
-        pace = fitting_policy(step_seconds, _rate(live, is_stopped), seen)
-        policy, said = pace.policy, pace.said
+    told = Teller(live)
+    if asked is not None:
+        windows, said = asked, f"windows {config.windows}"
     else:
-        policy, said = parse_policy(config.windows), f"windows {config.windows}"
+        pace = fitting_policy(step_seconds, _rate(live, is_stopped, told), seen)
+        windows, said = LiveWindows(live, pace.policy, seen), pace.said
     binned = f", binned {downsample}×{downsample} to {seen}" if downsample > 1 else ""
     console.print(f"{live.source.name}: {live.sensor}{binned}; {said}", markup=False, soft_wrap=True)
-    windows = LiveWindows(live, policy, seen)
     if recorder is not None:
-        recorder.follow(windows.kept, repr(policy), downsample)
-    told = Teller(live)
+        recorder.follow(windows.kept, repr(windows.policy), downsample)
+
+    def tell(state: str) -> None:
+        told.tell(f"{state}, {windows.num_merged} windows merged")
+
+    def tell_waiting() -> None:
+        tell("waiting for the next window")
+
     with FrameFolder(config.out, model, config.gamma, config.overwrite) as folder:
-        for live_step in reconstruct_live(model, windows, downsample, is_stopped.is_set):
+        for live_step in reconstruct_live(model, windows, downsample, is_stopped.is_set, tell_waiting):
             folder.add(live_step.window, live_step.step.frame, live_step.num_merged)
-            told.tell(f"{_behind(live_step.behind)}, {windows.num_merged} windows merged")
+            tell(_behind(live_step.behind))
     told.tell(f"{windows.num_merged} windows merged, {windows.num_unseen} events unseen", is_last=True)
     return len(windows.kept)
 
@@ -200,8 +220,8 @@ def _behind(seconds: float | None) -> str:
     return "far behind" if seconds is None else f"{1000 * seconds:.0f} ms behind"
 
 
-def _rate(live: LiveRecording, is_stopped: Event) -> float:
-    """Events a second over the first moments."""
+def _rate(live: LiveRecording, is_stopped: Event, told: Teller) -> float:
+    """Events a second over the first moments; what goes wrong in them is told."""
     until = time.monotonic() + 10
     while not (is_stopped.is_set() or live.is_over) and time.monotonic() < until:
         extent = live.extent()
@@ -209,5 +229,6 @@ def _rate(live: LiveRecording, is_stopped: Event) -> float:
             seconds = (extent.until - extent.first_stamp) / 1e6
             if seconds >= MEASURED_SECONDS:
                 return extent.num_events / seconds
+        told.tell("measuring the event rate")
         is_stopped.wait(0.05)
     return 0.0

@@ -29,7 +29,7 @@ class Record:
 
 def run(config: Record) -> int:
     """Do it; returns the exit code."""
-    check_recordable(config.out, config.overwrite)
+    check_recordable(config.out, config.overwrite, config.source)
     with ExitStack() as stack:
         is_stopped = stack.enter_context(stopping(config.options.seconds))
         live = stack.enter_context(opened(config.source, config.options, is_stopped))

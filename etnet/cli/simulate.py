@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -54,8 +55,14 @@ class Simulate:
 
     def __post_init__(self) -> None:
         for name in ("num", "seconds", "fps"):
-            if (value := getattr(self, name)) is not None and not value > 0:
-                raise ValueError(f"--{name} is {getattr(self, name)}; wanted a number above 0")
+            if (value := getattr(self, name)) is not None and not 0 < value < math.inf:
+                raise ValueError(f"--{name} is {getattr(self, name)}; wanted a finite number above 0")
+        if self.filming.video:
+            return
+        if self.size is not None and min(self.size) < 8:
+            raise ValueError(f"--size is {self.size[0]}×{self.size[1]}; wanted at least 8 pixels a side")
+        if self.fps is not None and self.fps > 10_000:
+            raise ValueError(f"--fps is {self.fps:g}; wanted at most 10,000")
 
     @property
     def sequence(self) -> SequenceConfig:

@@ -48,7 +48,7 @@ def open_source(
 
     A file that is called like a camera is `./davis346`.
 
-    A TCP stream that does not know its sensor yet waits for its first sender, until `is_stopped`, and tells so.
+    A stream that does not know its sensor yet waits for what tells it, until `is_stopped`; one over TCP tells so.
     Only the source that is named is imported: the viewer's command line loads this module at every start.
     """
     options = options or SourceOptions()
@@ -56,7 +56,7 @@ def open_source(
     if text in ("stdin", "-"):
         from etnet.live.stdin import InputStream
 
-        return InputStream(Address("stdin"), options.sensor, options.layout or "es")
+        return InputStream(Address("stdin"), options.sensor, options.layout or "es", is_stopped=is_stopped)
     if kind == "tcp":
         from etnet.live.tcp import Listener
 

@@ -30,14 +30,19 @@ def reconstruct_live(
     windows: LiveWindows,
     downsample: Downsample = 1,
     is_stopped: Callable[[], bool] = lambda: False,
+    waiting: Callable[[], None] = lambda: None,
 ) -> Iterator[LiveStep]:
-    """A frame for each window, from a cold start, until the source is over or `is_stopped`."""
+    """A frame for each window, from a cold start, until the source is over or `is_stopped`.
+
+    `waiting` is called twice a second while no window is full.
+    """
     state, live = None, windows.live
     while not is_stopped():
         window = windows.take(is_stopped=is_stopped)
         if window is None:
             if live.is_over:
                 return
+            waiting()
             continue
         voxel = window_voxel(model, binned(live.recording(), downsample), window)[None].to(device_of(model))
         with torch.inference_mode():

@@ -123,10 +123,12 @@ class Recorder:
     def _catch_up(self, is_last: bool) -> None:
         extent = self.live.extent()
         while self._at < extent.num_events:
-            first_held = self.live.extent().first_held
+            # Asked anew, and no further than this round goes: the next one counts what left behind its end.
+            first_held = min(self.live.extent().first_held, extent.num_events)
             if self._at < first_held:
                 self.num_missing += first_held - self._at
                 self._at = first_held
+                continue
             stop = min(self._at + BATCH, extent.num_events)
             try:
                 events = self.live.buffer.read(self._at, stop)
@@ -187,12 +189,17 @@ class Recorder:
         self._note_at, _ = self.live.notes_from(0)
 
 
-def check_recordable(path: Path, overwrite: bool) -> None:
-    """An error if nothing can be recorded there: a suffix without a writer, a file that is there already."""
+def check_recordable(path: Path, overwrite: bool, source: str | None = None) -> None:
+    """An error if nothing can be recorded there: a suffix without a writer, a file that is there already.
+
+    Also where it is the recording that `source` names: it would be empty before it was replayed.
+    """
     if path.suffix.lower() not in _SUFFIXES:
         known = ", ".join(_SUFFIXES)
         raise RecordingError(f'{path.name}: live recordings have no layout for "{path.suffix}"; take one of {known}')
     check_target(path)
+    if source is not None and path.exists() and Path(source).exists() and path.samefile(source):
+        raise RecordingError(f"{path.name}: is the recording that is replayed; choose another name")
     for there in (path, log_of(path)):
         if there.exists() and not overwrite:
             raise RecordingError(f"{there.name}: is there already; choose another name or allow overwriting")

@@ -23,17 +23,16 @@ class InputStream(WithoutSettings):
     stated: Sensor | None = None
     layout: LayoutName = "es"
     file: BinaryIO | None = None
+    is_stopped: Callable[[], bool] = lambda: False
+    """Asked while the header is waited for."""
     sensor: Sensor = field(init=False)
 
     def __post_init__(self) -> None:
         check_stated(self.address, self.layout, self.stated)
         self._number = (self.file or sys.stdin.buffer).fileno()
         if self.layout == "es":
-            head = b""
-            while len(head) < EVENT_STREAM_HEAD and (more := os.read(self._number, EVENT_STREAM_HEAD - len(head))):
-                head += more
             try:
-                self.sensor = event_stream_sensor(head)
+                self.sensor = event_stream_sensor(self._head())
             except WrongBytes as error:
                 raise RecordingError(
                     f"{self.name}: {error}; state --layout and --sensor if it is another layout"
@@ -66,6 +65,20 @@ class InputStream(WithoutSettings):
             except WrongBytes as error:
                 raise RecordingError(f"{self.name}: wrong bytes ({error}); nothing after them can be read") from error
             yield Packet(events, decoder.until)
+
+    def _head(self) -> bytes:
+        """The first bytes, no more; fewer where the input ends."""
+        head = b""
+        while len(head) < EVENT_STREAM_HEAD:
+            if self.is_stopped():
+                raise RecordingError(f"{self.name}: stopped before any events came")
+            if not is_ready(self._number):
+                continue
+            more = os.read(self._number, EVENT_STREAM_HEAD - len(head))
+            if not more:
+                break
+            head += more
+        return head
 
     def close(self) -> None:
         """Standard input is the program's."""

@@ -22,6 +22,12 @@ Motion = Literal["saccades", "drift"]
 FRAMES_PER_SECOND = 1_000
 """Moments that are rendered a second at least; more where the path is fast, so that nothing jumps a pixel."""
 
+MOST_MOMENTS = 1_000_000
+"""That a fast path may take; a long one has its 1,000 a second."""
+
+_SHORTEST = 1e-6
+"""Seconds: what lies closer together, as where a part begins next to a row of the table, has no speed of its own."""
+
 STORED_PER_SECOND = 50
 """Moments that are stored as an ordinary camera's frames."""
 
@@ -68,12 +74,7 @@ class PhotoInMotion:
         elif has_colour:
             self._colour = _shrunk(colour_of(picture), scale)
         self.duration = float(self._path[-1, 0] - self._path[0, 0])
-        way = float(np.hypot(*np.diff(self._path[:, 1:3], axis=0).T).sum())
-        side = max(self.sensor.width, self.sensor.height) / 2
-        way += (
-            float(np.abs(np.diff(np.radians(self._path[:, 3]))).sum() + np.abs(np.diff(self._path[:, 4])).sum()) * side
-        )
-        self._num_frames = max(2, math.ceil(self.duration * FRAMES_PER_SECOND), math.ceil(2 * way)) + 1
+        self._num_frames = _num_steps(self._path, self.sensor, motion.name if isinstance(motion, Path) else motion) + 1
         self.interval = self.duration * 1e6 / (self._num_frames - 1)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -99,6 +100,29 @@ class PhotoInMotion:
     def _view(self, picture: Shaped[np.ndarray, "_ _ *c"], matrix: Float64[np.ndarray, "2 3"]) -> np.ndarray:
         size, flags = (self.sensor.width, self.sensor.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         return cv2.warpAffine(picture, matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT_101)
+
+
+def _num_steps(path: Float64[np.ndarray, "n 5"], sensor: Sensor, name: str) -> int:
+    """Even steps in which the path is gone: so many that its fastest stretch moves by half a pixel a step at most.
+
+    Raises RecordingError where that would be absurdly many.
+    """
+    seconds, shift = np.diff(path[:, 0]), np.hypot(*np.diff(path[:, 1:3], axis=0).T)
+    turn, zoom = np.abs(np.diff(np.radians(path[:, 3]))), np.stack([path[:-1, 4], path[1:, 4]])
+    side = max(sensor.width, sensor.height) / 2
+    # x and y are the sensor's pixels at a zoom of 1, which a larger one stretches; a change of zoom counts as a share.
+    way = shift * zoom.max(0) + (turn + np.abs(zoom[1] - zoom[0]) / zoom.min(0)) * side
+    speed = way / np.maximum(seconds, _SHORTEST)
+    duration = float(path[-1, 0] - path[0, 0])
+    plain, wanted = max(2, math.ceil(duration * FRAMES_PER_SECOND)), math.ceil(2 * duration * float(speed.max()))
+    if wanted > max(plain, MOST_MOMENTS):
+        worst = int(speed.argmax())
+        raise RecordingError(
+            f"{name}: moves by {way[worst]:.0f} pixels in {seconds[worst]:.3g} s, from {path[worst, 0]:.3g} s on; "
+            f"half a pixel a moment takes {wanted:,} moments over its {duration:.3g} s, and at most {MOST_MOMENTS:,} "
+            "are rendered: give that stretch more time, or simulate a part of it (--from, --to)"
+        )
+    return max(plain, wanted)
 
 
 def _shrunk(picture: Shaped[np.ndarray, "_ _ *c"], scale: float) -> np.ndarray:
@@ -165,6 +189,8 @@ def _read_path(table: Path) -> Float64[np.ndarray, "n 5"]:
             raise RecordingError(f"{table.name}: line {number} has {len(values)} numbers; wanted 3 to 5")
         rows.append([*values, *(0.0, 1.0)[len(values) - 3 :]])
     path = np.array(rows, np.float64).reshape(-1, 5)
-    if len(path) < 2 or (np.diff(path[:, 0]) <= 0).any() or (path[:, 4] <= 0).any():
-        raise RecordingError(f"{table.name}: wanted at least two rows, ascending seconds, and a zoom above 0")
+    if len(path) < 2 or not np.isfinite(path).all() or (np.diff(path[:, 0]) <= 0).any() or (path[:, 4] <= 0).any():
+        raise RecordingError(
+            f"{table.name}: wanted at least two rows of finite numbers, ascending seconds, a zoom above 0"
+        )
     return path

@@ -101,6 +101,8 @@ class VideoFootage:
                 num_dropped += 1
                 continue
             grey = self._grey(picture)
+            if before is not None and grey.shape != before.shape:
+                self._tell_size(before, grey, t)
             is_repeat = before is not None and is_same(grey, before, self.luma.bits)
             num_repeats += is_repeat
             if is_repeat and self._drops_repeats:
@@ -195,6 +197,12 @@ class VideoFootage:
             )
         if self._turns:
             self.remarks.append(f"turned upright by {self._turns * 90}°, as the file says")
+
+    def _tell_size(self, before: Shaped[np.ndarray, "_ _"], grey: Shaped[np.ndarray, "_ _"], t: float) -> None:
+        was, is_now = (f"{picture.shape[1]}×{picture.shape[0]}" for picture in (before, grey))
+        told = f"its pictures change their size, from {was} to {is_now} "
+        if not any(remark.startswith(told) for remark in self.remarks):
+            self.remarks.append(f"{told}at {t:.2f} s; all are brought to the sensor's {self.sensor}")
 
     def _tell_counts(self, num_frames: int, num_repeats: int, num_dropped: int, shortest: float, longest: float):
         self.remarks += told_repeats(num_repeats, num_frames, self._drops_repeats)

@@ -10,12 +10,15 @@ _SAME_MEAN, _SAME_MOST = 0.25, 16
 """Steps of 8 bits, on average and at most, by which a repeated frame may differ."""
 
 
-def is_same(one: Shaped[np.ndarray, "h w *c"], other: Shaped[np.ndarray, "h w *c"], bits: int) -> bool:
+def is_same(one: Shaped[np.ndarray, "_ _ ..."], other: Shaped[np.ndarray, "_ _ ..."], bits: int) -> bool:
     """Whether a frame repeats another, up to what an encoder changes when it stores the same picture again.
 
     Mean and largest difference of code values count, in steps of 8 bits. A scene that moves or fades ever so little
     changes more: a whole step in a quarter of the picture is a mean of .25, and an edge goes through many steps.
+    A frame of another size repeats none.
     """
+    if one.shape != other.shape:
+        return False
     step = 1 << (bits - 8)
     if cv2.norm(one, other, cv2.NORM_INF) > _SAME_MOST * step:
         return False

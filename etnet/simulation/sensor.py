@@ -129,12 +129,14 @@ class PixelArray:
             target -= before
             target *= 1 - cv2.exp(speed)
             target += before
+        leaked = np.float32(self._traits.leak_hz * elapsed * 1e-6)
         if self._traits.leak_hz > 0:
-            self.reference -= np.float32(self._traits.leak_hz * elapsed * 1e-6) * self.threshold_on
+            self.reference -= leaked * self.threshold_on
+        signal = before, target, leaked
         gap = target - self.reference
         found = [
-            self._cross(np.flatnonzero(gap >= self.threshold_on), 1, self.threshold_on, before, target, elapsed),
-            self._cross(np.flatnonzero(gap <= -self.threshold_off), -1, self.threshold_off, before, target, elapsed),
+            self._cross(np.flatnonzero(gap >= self.threshold_on), 1, self.threshold_on, *signal, elapsed),
+            self._cross(np.flatnonzero(gap <= -self.threshold_off), -1, self.threshold_off, *signal, elapsed),
         ]
         self._level, self._t = target, t
         return Crossings(*(np.concatenate(column) for column in zip(*found, strict=True)))
@@ -146,14 +148,17 @@ class PixelArray:
         threshold: Float32[np.ndarray, "h w"],
         before: Float32[np.ndarray, "h w"],
         after: Float32[np.ndarray, "h w"],
+        leaked: np.float32,
         elapsed: float,
     ) -> Crossings:
+        """`leaked`: thresholds that the memory has already fallen by, evenly since the exposure before."""
         reference = self.reference.reshape(-1)
         step, held = threshold.reshape(-1)[pixel], reference[pixel]
         # In float64, for the stamps; all further arrays are as short as the list of pixels that fire.
         start, end = before.reshape(-1)[pixel].astype(np.float64), after.reshape(-1)[pixel].astype(np.float64)
-        already = p * (start - held)
-        rise = np.maximum(p * (end - start), 1e-12)
+        fallen = float(leaked) * self.threshold_on.reshape(-1)[pixel]
+        already = p * (start - held - fallen)
+        rise = np.maximum(p * (end - start + fallen), 1e-12)
         count = (p * (end - held) / step).astype(np.int64)
         pixels, stamps = [], []
         for k in range(1, int(count.max(initial=0)) + 1):

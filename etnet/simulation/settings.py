@@ -43,7 +43,8 @@ class PixelSettings:
             raise RecordingError(f"dark is {self.dark:g}; it takes 0.0001 to 1")
         if not 0 <= self.hot_share <= 1:
             raise RecordingError(f"hot_share is {self.hot_share:g}; it takes a share in 0 … 1")
-        for name in ("sigma_thres", "cutoff_hz", "leak_rate_hz", "shot_noise_rate_hz", "refractory_us", "lag_us"):
+        rates = "cutoff_hz", "leak_rate_hz", "shot_noise_rate_hz", "hot_hz"
+        for name in ("sigma_thres", *rates, "refractory_us", "lag_us"):
             if not 0 <= getattr(self, name) < 1e7:
                 raise RecordingError(f"{name} is {getattr(self, name):g}; it takes 0 (switched off) or more")
 

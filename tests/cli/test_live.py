@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from types import SimpleNamespace
 
@@ -12,17 +13,19 @@ import pytest
 from etnet.cli.live import LiveOptions, Teller, parsed_keep
 from etnet.cli.main import main
 from etnet.errors import RecordingError
-from etnet.events.events import Sensor
+from etnet.events.events import Events, Sensor
 from etnet.events.open import open_recording
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording
 from etnet.live.buffer import Keep
 from etnet.live.open import SourceOptions, open_source, parsed_sensor
 from etnet.live.replay import Replay
+from etnet.live.source import Packet
 from etnet.live.tcp import TcpStream
 from etnet.live.udp import UdpStream
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
+from tests.live.sources import GivenPackets
 from tests.strategies import make_events
 
 SENSOR = Sensor(40, 28)
@@ -35,9 +38,14 @@ def recorded(tmp_path):
     return path
 
 
-def test_live_frames_are_written_and_come_again_from_the_recorded_file(tmp_path, recorded, capsys):
-    weights = tmp_path / "tiny.safetensors"
-    save_weights(build_model("tiny"), weights)
+@pytest.fixture
+def weights(tmp_path):
+    path = tmp_path / "tiny.safetensors"
+    save_weights(build_model("tiny"), path)
+    return path
+
+
+def test_live_frames_are_written_and_come_again_from_the_recorded_file(tmp_path, recorded, capsys, weights):
     out, again, record = tmp_path / "live", tmp_path / "again", tmp_path / "live.aedat4"
     options, live = ["--model", str(weights)], ["reconstruct", "--live", str(recorded)]
     assert main([*live, "--out", str(out), "--record", str(record), "--windows", "duration=30ms", *options]) == 0
@@ -63,6 +71,61 @@ def test_record_writes_what_is_replayed(tmp_path, recorded, capsys):
         assert recording.num_events == 8_000
     assert main(["record", str(recorded), str(out)]) == 1
     assert "is there already" in capsys.readouterr().err
+
+
+def test_a_recording_that_is_replayed_is_never_emptied_by_its_own_copy(recorded, capsys):
+    before = recorded.read_bytes()
+    assert main(["record", str(recorded), str(recorded), "--overwrite"]) == 1
+    assert "events.h5: is the recording that is replayed" in capsys.readouterr().err
+    live = ["reconstruct", "--live", str(recorded), "--record", str(recorded), "--overwrite"]
+    assert main([*live, "--out", str(recorded.parent / "out")]) == 1
+    assert "events.h5: is the recording that is replayed" in capsys.readouterr().err
+    assert recorded.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("windows", "said"),
+    [
+        ("durtion=30ms", "are not understood"),
+        ("between-frames", "live windows go by count, density or duration"),
+        ("duration=20ms/5ms", "live windows do not overlap"),
+    ],
+)
+def test_windows_that_cannot_be_cost_no_former_take(tmp_path, recorded, capsys, weights, windows, said):
+    take = tmp_path / "talk.h5"
+    options = ["--out", str(tmp_path / "out"), "--model", str(weights), "--windows", windows]
+    live = ["reconstruct", "--live", str(recorded), "--record", str(take), *options]
+    assert main(live) == 1
+    assert said in capsys.readouterr().err
+    assert not take.exists()
+    take.write_bytes(b"a former take")
+    assert main([*live, "--overwrite"]) == 1
+    assert take.read_bytes() == b"a former take"
+
+
+class _Faulty(GivenPackets):
+    """Tells one fault, gives no event, and ends when the fault was heard."""
+
+    def __init__(self, heard: threading.Event) -> None:
+        super().__init__([], SENSOR)
+        self._heard, self.was_heard = heard, False
+
+    def packets(self, is_stopped):
+        yield Packet(Events.empty(SENSOR), notes=("the cable is loose",))
+        self.was_heard = self._heard.wait(60)
+
+
+@pytest.mark.parametrize("windows", [[], ["--windows", "count=100"]])
+def test_a_fault_is_told_while_no_window_is_full(tmp_path, monkeypatch, weights, windows):
+    heard = threading.Event()
+    source = _Faulty(heard)
+    monkeypatch.setattr("etnet.cli.live.open_source", lambda *_: source)
+    monkeypatch.setattr(
+        "etnet.cli.live.console.print", lambda text, **_: heard.set() if "the cable is loose" in text else None
+    )
+    options = ["--out", str(tmp_path / "out"), "--model", str(weights), *windows]
+    assert main(["reconstruct", "--live", "camera", *options]) == 1, "no frame came"
+    assert source.was_heard, "before the source was over"
 
 
 NO_EVENTS = 40_000

@@ -48,6 +48,7 @@ def done(sources, out, *words) -> int:
         (["clip.mkv", "--num", 3], "--num: of --photos, not of --video"),
         (["clip.mkv", "--sensor.leak-hz", 0, 1], "--sensor.…: of --photos"),
         (["clip.mkv", "--photos", "pictures"], "do not go together"),
+        (["clip.mkv", "--hot-share", 0.01, "--hot-hz", -5], "hot_hz is -5; it takes 0"),
     ],
 )
 def test_an_option_that_the_source_cannot_follow_is_refused(sources, tmp_path, words, told, capsys):

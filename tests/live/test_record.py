@@ -208,6 +208,26 @@ def test_a_disk_that_is_too_slow_costs_events_that_are_counted(tmp_path, monkeyp
         assert same(recording.read(recording.num_events - 64, recording.num_events), events[3000 - 64 :])
 
 
+def test_events_that_leave_while_others_are_written_are_counted_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(buffer_module, "BLOCK", 64)
+    monkeypatch.setattr(Recorder, "_run", lambda _: None)  # its rounds are gone by hand
+    events, path = make_events(3000), tmp_path / "live.h5"
+    live = LiveRecording(GivenPackets([]), Keep(num_bytes=4 * 64 * EVENT_BYTES))
+    recorder = Recorder(live, path, first=0)
+    live._take(Packet(events[:100]))
+    extent, stale = live.extent, [live.extent()]
+    for packet in cut_up(events[100:], 100):
+        live._take(packet)
+    monkeypatch.setattr(live, "extent", lambda: stale.pop() if stale else extent())
+    recorder._catch_up(is_last=False)
+    assert recorder.num_missing == 100, "of those that the round knew"
+    recorder._catch_up(is_last=True)
+    recorder._writer.close()
+    recorder._log.close()
+    assert recorder.num_missing == live.extent().first_held
+    assert recorder.num_events == 3000 - recorder.num_missing
+
+
 def test_a_disk_that_fails_is_one_sentence_and_the_camera_goes_on(tmp_path, monkeypatch):
     def full(self, events):
         raise OSError(28, "No space left on device")
@@ -230,6 +250,15 @@ def test_nothing_is_overwritten_unasked_and_other_suffixes_are_refused(tmp_path)
     check_recordable(tmp_path / "there.h5", overwrite=True)
     with pytest.raises(RecordingError, match=r'no layout for "\.mp4"'):
         check_recordable(tmp_path / "live.mp4", overwrite=False)
+
+
+def test_what_is_replayed_is_not_recorded_to(tmp_path):
+    (tmp_path / "there.h5").write_bytes(b"")
+    (tmp_path / "link.h5").symlink_to(tmp_path / "there.h5")
+    for name in ("there.h5", "link.h5"):
+        with pytest.raises(RecordingError, match="is the recording that is replayed; choose another name"):
+            check_recordable(tmp_path / name, overwrite=True, source=str(tmp_path / "there.h5"))
+    check_recordable(tmp_path / "there.h5", overwrite=True, source="tcp:7777")
 
 
 def test_windows_come_back_as_they_were_cut_from_the_first_event_of_the_file(tmp_path):

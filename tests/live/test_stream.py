@@ -237,6 +237,14 @@ def test_standard_input_is_read_to_its_end():
         assert live.notes == ()
 
 
+def test_standard_input_that_tells_nothing_can_be_stopped():
+    reading, writing = os.pipe()
+    asked = iter((False, False, True))
+    with os.fdopen(reading, "rb") as file, pytest.raises(RecordingError, match="stdin: stopped before any events came"):
+        InputStream(Address("stdin"), file=file, is_stopped=lambda: next(asked))
+    os.close(writing)
+
+
 def test_wrong_bytes_on_standard_input_end_it_with_a_sentence():
     events = make_events(500)
     content = record_bytes(events, "t64_x16_y16_on8") + b"\xff" * 130

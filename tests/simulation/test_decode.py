@@ -152,6 +152,17 @@ def test_an_encoder_does_not_hide_repeats_and_slow_motion_is_none(tmp_path):
     assert not said(footage, "repeat")
 
 
+def test_a_film_whose_pictures_change_their_size_midway_is_seen_to_its_end_and_it_is_said(tmp_path):
+    large = [cv2.resize(picture, (128, 96)) for picture in drifting(6)]
+    first = write_film(tmp_path / "a.ts", drifting(6), [i / 25 for i in range(6)])
+    second = write_film(tmp_path / "b.ts", large, [0.4 + i / 25 for i in range(6)])
+    (tmp_path / "both.ts").write_bytes(first.read_bytes() + second.read_bytes())
+    footage, frames = watched(tmp_path / "both.ts")
+    assert [frame.light.shape for frame in frames] == [(48, 64)] * 12
+    assert sum("change their size, from 64×48 to 128×96" in text for text in footage.remarks) == 1
+    assert not said(footage, "repeat")
+
+
 def test_a_part_beyond_the_end_says_how_long_the_film_is(tmp_path):
     path = write_film(tmp_path / "a.mp4", drifting(6))
     with pytest.raises(RecordingError, match=r"has 0 frames from 5 s, and is 0.2 s long; events need two"):

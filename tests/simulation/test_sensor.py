@@ -91,6 +91,36 @@ def test_a_dark_still_sensor_leaks_on_events_at_its_rate():
     assert len(events) == pytest.approx(2.0 * 10 * film[0].size, rel=0.1)
 
 
+def test_a_leak_event_comes_when_the_memory_has_fallen_by_a_threshold():
+    film = np.full((41, *SHAPE), 0.2, np.float32)
+    pixels, reference, events = watch(film, SensorTraits(0.3, 0.3, mismatch=0.05, leak_hz=2.0), step_us=100_000.0)
+    order = np.lexsort((events.t, events.x, events.y))
+    where = events.y[order].astype(int), events.x[order].astype(int)
+    is_first = np.r_[True, (np.diff(where[0]) != 0) | (np.diff(where[1]) != 0)]
+    number = np.arange(len(order)) - np.maximum.accumulate(np.where(is_first, np.arange(len(order)), 0)) + 1
+    already = ((pixels.level - reference) / pixels.threshold_on)[where]
+    assert number.max() >= 7
+    assert np.allclose(events.t[order], (number - already) / 2.0 * 1e6, atol=50)
+
+
+def test_leak_and_light_together_give_the_same_stamps_in_one_step_and_in_many():
+    first, traits = np.full(SHAPE, 0.2, np.float32), SensorTraits(0.3, 0.25, leak_hz=5.0)
+    way = np.linspace(-4, 4, first.size, dtype=np.float32).reshape(SHAPE)
+    found = []
+    for num_steps in (1, 40):
+        pixels = PixelArray(first, 0.0, traits, np.random.default_rng(0))
+        begin = pixels.level.copy()
+        steps = range(1, num_steps + 1)
+        crossings = [pixels.expose_level(begin + way * (i / num_steps), i * 1e6 / num_steps) for i in steps]
+        pixel, t, p = (np.concatenate(column) for column in zip(*crossings, strict=True))
+        order = np.lexsort((t, pixel))
+        found.append((pixel[order], t[order], p[order]))
+    assert set(found[0][2].tolist()) == {-1, 1}
+    assert np.array_equal(found[0][0], found[1][0])
+    assert np.array_equal(found[0][2], found[1][2])
+    assert np.allclose(found[0][1], found[1][1], atol=50)
+
+
 def test_the_low_pass_settles_exponentially():
     film = np.full((2, *SHAPE), 0.2, np.float32)
     film[1] *= 2

@@ -99,6 +99,47 @@ def test_a_path_from_a_table_moves_turns_and_zooms(tmp_path):
         PhotoInMotion(photo_of(tmp_path / "a.png"), table)
 
 
+@pytest.mark.parametrize(
+    ("rows", "pixels_a_second"),
+    [
+        ("0,0,0\n0.1,0,0\n0.11,30,40\n0.2,30,40\n", 5_000),
+        ("0,0,0,0,4\n0.1,0,0,0,4\n0.11,20,0,0,4\n0.2,20,0,0,4\n", 8_000),
+        ("0,0,0,0\n0.1,0,0,0\n0.11,0,0,90\n0.2,0,0,90\n", 50 * np.pi * 16),
+        ("0,0,0,0,0.5\n0.1,0,0,0,0.5\n0.11,0,0,0,2\n0.2,0,0,0,2\n", 300 * 16),
+    ],
+)
+def test_nothing_moves_more_than_half_a_pixel_between_two_moments_where_a_path_is_fastest(
+    tmp_path, rows, pixels_a_second
+):
+    table = tmp_path / "path.csv"
+    table.write_text(rows)
+    footage = PhotoInMotion(photo_of(tmp_path / "a.png"), table, Framing(size=(32, 24)))
+    assert footage.interval * 1e-6 * pixels_a_second <= 0.5 + 1e-9
+    part = PhotoInMotion(photo_of(tmp_path / "a.png"), table, Framing(size=(32, 24), start=0.05))
+    assert part.interval * 1e-6 * pixels_a_second <= 0.5 + 1e-9
+    hair_before_rest = float(np.nextafter(0.11, 0))
+    rest = PhotoInMotion(photo_of(tmp_path / "a.png"), table, Framing(size=(32, 24), start=hair_before_rest))
+    assert rest.interval == pytest.approx(1_000, rel=0.02)
+
+
+def test_the_built_in_motions_have_a_thousand_moments_a_second(tmp_path):
+    for motion in ("saccades", "drift"):
+        footage = PhotoInMotion(photo_of(tmp_path / "a.png"), motion, Framing(size=(32, 24)))
+        assert footage.interval == pytest.approx(1_000)
+
+
+def test_a_path_that_would_take_absurdly_many_moments_is_one_line(tmp_path):
+    table = tmp_path / "path.csv"
+    table.write_text("0,0,0\n1,0,0\n1.000001,60,80\n2,60,80\n")
+    with pytest.raises(
+        RecordingError, match=r"path.csv: moves by 100 pixels in 1e-06 s, from 1 s on; .* at most 1,000"
+    ):
+        PhotoInMotion(photo_of(tmp_path / "a.png"), table, Framing(size=(32, 24)))
+    table.write_text("0,0,0\n1,nan,0\n")
+    with pytest.raises(RecordingError, match="finite numbers"):
+        PhotoInMotion(photo_of(tmp_path / "a.png"), table, Framing(size=(32, 24)))
+
+
 def test_a_photo_in_motion_becomes_a_recording_with_a_cameras_frames(tmp_path):
     footage = PhotoInMotion(photo_of(tmp_path / "a.png"), "drift", Framing(size=(64, 48)), seconds=0.5)
     written = simulate_footage(footage, tmp_path / "a.h5", IDEAL)
