@@ -163,7 +163,7 @@ class View:
     runs: Callable[[ViewState], tuple[Run, ...] | None] = _no_runs
     """The runs that it compares, the main one first; `None` while it compares nothing."""
     run_jobs: Callable[[ViewState, Moment, Sequence[RunFrame], NumSeen], Mapping[str, Job]] = _no_run_jobs
-    """What it wants computed of these runs."""
+    """What it wants computed of these runs, or of all that the moment's recording holds by now."""
     over_timeline: Callable[[Page], str] = _nothing_over
     """SVG that it draws over the timeline; asked where its slice is not as it began, or it has an answer."""
     perform: Callable[[Any, VisitorCatalogue], None] = _nothing_done

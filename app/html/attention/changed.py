@@ -62,10 +62,11 @@ def _of_the_network(intervention: Intervention) -> list[str]:
     for numbers, words in (
         (intervention.removed_scales, "scale {} removed"),
         (intervention.removed_skips, "skip {} removed"),
-        (intervention.zeroed_levels, "state {} zeroed"),
-        (intervention.frozen_levels, "state {} frozen"),
     ):
         said += [words.format(resolution(number) if number else "head") for number in sorted(numbers)]
+    for numbers, word in ((intervention.zeroed_levels, "zeroed"), (intervention.frozen_levels, "frozen")):
+        # By its number: of some networks every level works at full size.
+        said += [f"state of level {number} {word}" for number in sorted(numbers)]
     return said
 
 

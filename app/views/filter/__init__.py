@@ -28,5 +28,5 @@ VIEW = View(
     _panel,
     settings_in=frozenset({"inspect", "attention", "compare", "recording"}),
     hear=hear,
-    jobs=filter_jobs,
+    run_jobs=filter_jobs,
 )

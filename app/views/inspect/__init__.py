@@ -53,7 +53,7 @@ VIEW = View(
     _panel,
     settings_in=frozenset({"inspect", "attention"}),
     reduce=reduce_inspect,
-    intents=(ask.OpenRecording, ask.ReopenRecording, ask.ChooseModel, ask.ChoosePolicy),
+    intents=(ask.OpenRecording, ask.ReopenRecording, ask.ChooseModel, ask.ChoosePolicy, ask.ChooseCleaning),
     hear=hear,
     jobs=_jobs,
     change_request=changed_request,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import viser
 
@@ -30,6 +30,9 @@ from app.views.inspect.state import InspectState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
 from app.views.reconstruction.state import tones_of
+
+if TYPE_CHECKING:
+    from etnet.inspection.anatomy import Anatomy
 
 _OF_THE_ORIGINAL = ("none", "matters", "events", "memory", "time", "sources", "search", "spread")
 """Inspectors that look at the unchanged network, whatever is changed."""
@@ -129,7 +132,8 @@ def _causes(page: Page, moment: Moment) -> str:
             return pixel_first(inside.opened)
         case "sources":
             found = _about(page.results.get("inspect.sources"), pixel=query)
-            return _awaited(found, "ablating one part after the other", page) + sources_html(_value(found))
+            waits = _awaited(found, "ablating one part after the other", page)
+            return waits + sources_html(_value(found), _anatomy(page))
         case "search":
             return _search(page, moment)
         case "spread":
@@ -147,9 +151,13 @@ def _causes(page: Page, moment: Moment) -> str:
     if found is not None and found.trouble:
         waits = _awaited(found, "", page)
     key = None if found is None else found.job
+    return twin_html(value, key, change, moment, query, tones_of(page), _anatomy(page)) + waits
+
+
+def _anatomy(page: Page) -> Anatomy | None:
+    """The network's parts, once they are known."""
     parts = page.results.get("inspect.network")
-    anatomy = None if parts is None or parts.value is None else parts.value.anatomy
-    return twin_html(value, key, change, moment, query, tones_of(page), anatomy) + waits
+    return None if parts is None or parts.value is None else parts.value.anatomy
 
 
 def _search(page: Page, moment: Moment) -> str:
@@ -159,10 +167,8 @@ def _search(page: Page, moment: Moment) -> str:
     asked = {"pixel": query, "tolerance": inside.tolerance / 1000, "level": level, "towards": towards}
     found = _about(found, **asked)
     waits = _awaited(found, "zeroing the state at one window after the other", page)
-    parts = page.results.get("inspect.network")
-    anatomy = None if parts is None or parts.value is None else parts.value.anatomy
     is_whole, style = found is not None and found.is_whole, page.state.of(EventsState).event_image
-    return waits + search_html(_value(found), is_whole, inside, moment, anatomy, style)
+    return waits + search_html(_value(found), is_whole, inside, moment, _anatomy(page), style)
 
 
 def _matters(page: Page) -> str:

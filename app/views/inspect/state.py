@@ -159,7 +159,7 @@ class ResetAll:
 
 
 def reduce_inspect(slice_: InspectState, intent: Any, here: Here) -> InspectState:
-    """Another network, recording or plan of windows begins unchanged; what makes no sense changes nothing."""
+    """Another network, recording, filter or plan of windows begins unchanged; what makes no sense changes nothing."""
     change = slice_.change
     match intent:
         case Switch(part):
@@ -177,7 +177,9 @@ def reduce_inspect(slice_: InspectState, intent: Any, here: Here) -> InspectStat
             return replace(slice_, change=Change(zeroed, since=here.limits.clamp_index(at), once=True), opened="twin")
         case ResetAll():
             return replace(slice_, change=NO_CHANGE)
-        case ask.OpenRecording() | ask.ReopenRecording() | ask.ChooseModel() | ask.ChoosePolicy():
+        case (
+            ask.OpenRecording() | ask.ReopenRecording() | ask.ChooseModel() | ask.ChoosePolicy() | ask.ChooseCleaning()
+        ):
             return slice_ if change == NO_CHANGE else replace(slice_, change=NO_CHANGE)
     return slice_
 

@@ -35,6 +35,6 @@ VIEW = View(
     reduce=reduce_recording,
     intents=(ask.ShowWorkspace, ask.MarkHere, ask.PutMark, ask.ClearMarks, Downloaded),
     hear=hear,
-    jobs=recording_jobs,
+    run_jobs=recording_jobs,
     background_jobs=trim_jobs,
 )

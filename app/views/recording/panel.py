@@ -185,5 +185,8 @@ def _fitness(page: Page) -> str:
         return ""
     if not page.state.of(RecordingState).fits:
         return fitness_button_html()
-    offset = page.state.of(CompareState).offset
-    return fitness_html(page.moment, page.results.get(FITNESS_SLOT), page.model, offset)
+    offset, result = page.state.of(CompareState).offset, page.results.get(FITNESS_SLOT)
+    opened = page.moment.recording_id, page.moment.cleaning
+    if result is not None and (result.job.request.recording_id, result.job.request.cleaning) != opened:
+        result = None  # another network measures the same
+    return fitness_html(page.moment, result, page.model, offset)

@@ -59,7 +59,9 @@ class TimelinePanel(Panel):
         assign(self._slider, state.index)
         assign(self._time, round(max(moment.seconds[1], 0.0), 3))
         approximate, changed = approximate_windows(page), changed_windows(page)
-        legend = legend_html(moment, is_approximate=bool(approximate), is_changed=bool(changed), measure=_measure(page))
+        legend = legend_html(
+            moment, is_approximate=bool(approximate), is_changed=bool(changed), measure=measure_of(page)
+        )
         marks = marks_html(moment, state)
         beside = live or f'<span class="etv-beside">{marks}{legend}{speed_html(state)}</span>'
         self._now.show(f'<div class="etv-now">{now_html(moment)}{beside}</div>')
@@ -69,9 +71,10 @@ class TimelinePanel(Panel):
         self._strip.show(f'<div class="etv-strip">{strip}</div>')
 
 
-def _measure(page: Page) -> str:
+def measure_of(page: Page) -> str:
     """What the curves over the strip are of, if there are any."""
-    return page.state.of(CompareState).measure.upper() if page.over_timeline else ""
+    has_curves = " data-run=" in page.over_timeline  # of a run each; what is changed is marked there, too
+    return page.state.of(CompareState).measure.upper() if has_curves else ""
 
 
 def approximate_windows(page: Page) -> range:
@@ -89,6 +92,8 @@ def changed_windows(page: Page) -> range:
         return range(0)
     if change.since is None:
         return range(page.state.index, page.state.index + 1)
+    if change.at(change.since + 1).is_nothing:
+        return range(change.since, change.since + 1)
     return range(change.since, len(page.moment.windows))
 
 

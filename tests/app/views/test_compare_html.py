@@ -12,13 +12,16 @@ from app.html.moment import Moment
 from app.html.pictures import Tones
 from app.html.provenance import ModelFacts
 from app.state.run import Run
+from app.state.view_state import ViewState
 from app.views.compare.html.run import RunShown, Truth
 from app.views.compare.html.scores import chart_html, curves_over, means_html, means_title, trace
 from app.views.compare.html.series import Series, common_keys, mean_over, within
 from app.views.compare.html.side import pixel_html
 from app.views.compare.html.stage import pictures_html
 from app.views.compare.state import CompareState
+from app.views.page import Page
 from app.views.recording.html.fitness import fitness_html
+from app.views.timeline.panel import measure_of
 from etnet.events.fitness import Activity, Fitness, Lag, Thresholds
 from etnet.stretch import windows_between
 from etnet.windows import BetweenFrames, plan_windows
@@ -177,6 +180,13 @@ def test_a_run_that_cannot_be_scored_takes_no_frame_from_the_others(moment):
 def test_a_curve_breaks_where_windows_are_still_to_come():
     xs, ys = np.array([0.0, 1, 2, 9, 10]), np.zeros(5)
     assert trace(xs, ys).count("M") == 2
+
+
+def test_the_timelines_legend_names_the_measure_of_the_curves_over_it(moment):
+    page = Page(ViewState(workspace="compare").put(CompareState(measure="lpips")), moment)
+    drawn = curves_over(moment, [series(moment, 0, [0.1, 0.2, 0.3])], "lpips")
+    assert measure_of(replace(page, over_timeline=drawn)) == "LPIPS"
+    assert measure_of(page) == ""
 
 
 def test_the_curves_over_the_timeline_stand_where_their_windows_end(moment):

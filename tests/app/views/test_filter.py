@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -182,7 +183,21 @@ def test_statistics_of_another_filter_say_nothing():
     job = StatisticsJob(replace(request, index=0, cleaning=Cleaning(True)))
     results = {STATISTICS_SLOT: JobResult(job, Fitness(hot=(HotPixel(1, 1, 99),)), 1.0, is_whole=True)}
     assert not [each for each in findings(page_of(opened, policy, 3, ready, results)) if each.name == "hot"]
-    assert set(filter_jobs(ViewState(), request)) == {STATISTICS_SLOT}
+
+
+def test_what_the_recording_is_like_is_asked_while_the_tab_is_open_and_again_as_it_grows():
+    opened, policy = recording(), ByCount(400)
+    state = ViewState("a", "m", policy=policy, index=3)
+    asked = []
+    for part in (replace(recording_of_events(opened.read(0, 900), "grows"), latest=lambda: opened), opened):
+        moment = Moment("a", policy, 0, part, plan_windows(part, policy))
+        (slot, job), *others = filter_jobs(state, moment, (), lambda request: 0).items()
+        assert (slot, others) == (STATISTICS_SLOT, [])
+        asked.append(job)
+    assert asked[0] != asked[1]
+    assert asked[0].request == asked[1].request
+    loaded = SimpleNamespace(playback=SimpleNamespace(recording=part))
+    assert list(asked[0].run(loaded, bool))[-1][0].activity.num_looked_at == opened.num_events
 
 
 def test_nothing_is_called_sound_before_this_frame_and_this_recording_are_known():

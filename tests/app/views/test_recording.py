@@ -3,6 +3,7 @@
 import asyncio
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,14 +20,23 @@ from app.state import intents as ask
 from app.state.stored import to_text
 from app.state.view_state import Limits, ViewState
 from app.views import VIEWS
+from app.views.page import Page
 from app.views.recording.html.examination import doctor_html
 from app.views.recording.jobs.examination import SLOT, ExaminationJob, examination_jobs
-from app.views.recording.panel import GONE
+from app.views.recording.jobs.fitness import SLOT as FITNESS_SLOT
+from app.views.recording.jobs.fitness import FitnessJob
+from app.views.recording.jobs.recording import recording_jobs
+from app.views.recording.panel import GONE, RecordingPanel
 from app.views.recording.state import RecordingState
+from etnet.events.cleaning import Cleaning
+from etnet.events.denoise import cleaned
 from etnet.events.events import Events
 from etnet.events.examine import examine, look_through
+from etnet.events.fitness import Fitness
+from etnet.events.pixel_counts import HotPixel
 from etnet.events.recording import Remark, recording_of_events
 from etnet.windows import BetweenFrames, ByCount, plan_windows
+from tests.app.fake_gui import FakeGui
 from tests.app.reducing import from_text, reduce
 from tests.app.stand_ins import SENSOR, Browser, Shelf, recording, served
 
@@ -74,6 +84,74 @@ def test_the_job_finds_what_the_command_line_finds():
     assert answers[-1] == (examine(opened), 1.0)
     assert np.array_equal(answers[-1][0].count_image, examine(opened).count_image)
     assert num_bytes(answers[-1][0]) >= 8 * SENSOR.num_pixels
+
+
+def playing(opened):
+    return SimpleNamespace(playback=SimpleNamespace(recording=opened))
+
+
+def growing(opened, num_events):
+    """The beginning of a recording that is whole by now."""
+    return replace(recording_of_events(opened.read(0, num_events), "grows"), latest=lambda: opened)
+
+
+def test_statistics_are_of_all_events_whatever_a_filter_takes_out(moment):
+    opened, cleaning = recording(), Cleaning(support_within=20_000)
+    filtered = cleaned(opened, cleaning)
+    assert filtered.num_events < opened.num_events
+    *_, (found, _) = ExaminationJob("a", REQUEST).run(playing(filtered), bool)
+    assert found == examine(opened)
+    html = doctor_html(replace(moment, recording=filtered, cleaning=cleaning), examined(opened))
+    assert "also of those that the filter takes out" in html
+    assert "More events have come since" not in html
+    assert "the filter" not in doctor_html(moment, examined(opened))
+
+
+def test_what_is_measured_of_a_recording_that_grows_is_asked_again_at_every_doubling_and_once_it_is_whole():
+    opened, policy = recording(), ByCount(100)
+    state = reduce(STATE, EXAMINE, Limits()).put(RecordingState(examines=True, fits=True))
+
+    def asked(part):
+        return recording_jobs(state, Moment("a", policy, 0, part, plan_windows(part, policy)), (), lambda request: 0)
+
+    first, near, twice, whole = (asked(part) for part in (*(growing(opened, n) for n in (1100, 1300, 2100)), opened))
+    assert first == near
+    for slot in (SLOT, FITNESS_SLOT):
+        assert len({first[slot], twice[slot], whole[slot]}) == 3
+        assert whole[slot].request == FrameRequest("a", "m", "fp32", policy, 0)
+
+
+def test_what_is_measured_is_what_is_there_by_now_not_what_was_when_it_was_opened():
+    opened = recording()
+    loaded = playing(growing(opened, 1100))
+    assert list(ExaminationJob("a", REQUEST).run(loaded, bool))[-1][0] == examine(opened)
+    assert list(FitnessJob(REQUEST).run(loaded, bool))[-1][0].activity.num_looked_at == opened.num_events
+
+
+def test_pictures_of_statistics_are_those_of_the_events_that_were_looked_through(moment):
+    opened = recording()
+    part = growing(opened, 1100)
+    there = replace(moment, recording_id="grows", recording=opened)
+    before, after = (doctor_html(there, examined(each)) for each in (part, opened))
+    spans = [re.search(r'data-testid="rates" data-k="([^"]+)"', html)[1] for html in (before, after)]
+    assert spans == [f"span:0,{each.span.duration / 1e6}" for each in (part, opened)]
+    assert "More events have come since: this is of the first" in before
+    assert "More events have come since" not in after
+
+
+def test_sensor_statistics_of_another_recording_or_filter_are_not_shown_as_this_ones(moment):
+    gui, panel = FakeGui(), RecordingPanel()
+    panel.build(gui, lambda intent: None)
+    state, found = STATE.put(RecordingState(fits=True)), Fitness(hot=(HotPixel(7, 5, 900),))
+    for request, is_shown in (
+        (REQUEST, True),
+        (replace(REQUEST, model_id="n"), True),
+        (replace(REQUEST, recording_id="b"), False),
+        (replace(REQUEST, cleaning=Cleaning(True)), False),
+    ):
+        results = {FITNESS_SLOT: JobResult(FitnessJob(request), found, 1.0, is_whole=True)}
+        panel.show(Page(state, moment, results=results))
+        assert ('data-k="at:7,5"' in gui.html[-1].content) == is_shown
 
 
 def test_a_browser_does_not_keep_the_page_open_and_the_public_may_not_open_it():

@@ -56,6 +56,12 @@ def difference_of(shown: Shown) -> Difference | None:
     return Difference(slot, slice_.pinned, difference(now_of(shown), held.pin), held.contract)
 
 
+def pin_trouble(shown: Shown) -> str:
+    """Why the pin that the current map is held against cannot be computed; empty where it can, or none is."""
+    pinned, found = shown.slice_.pinned, shown.page.results.get("attention.pin")
+    return found.trouble if pinned is not None and found is not None and found.job == PinJob(pinned) else ""
+
+
 def now_of(shown: Shown) -> Pin:
     """The current map as a pin: its weights, because a pin holds weights, whatever else is shown of rows."""
     import torch

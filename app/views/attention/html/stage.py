@@ -24,7 +24,7 @@ from app.html.moment import PICTURES
 from app.html.pictures import lag_line, reconstruction_image
 from app.html.units import count, resolution, significant
 from app.views.attention.html.code import code_block, row_block
-from app.views.attention.html.pins import Difference, difference_of, pin_words
+from app.views.attention.html.pins import Difference, difference_of, pin_trouble, pin_words
 from app.views.attention.html.shown import Shown, missing, not_button, shown_of
 from app.views.attention.state import Over
 from app.views.naming import title_of
@@ -82,7 +82,8 @@ def _line(shown: Shown) -> str:
     """Direction and scales in words, the library's name of the site, and the token."""
     words = library_words(shown)
     name = f'<code title="as the library calls it; the token">{escape(shown.site)} · {shown.token}</code>'
-    return f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{name}</div>{_instead(shown)}'
+    line = f'<div class="et-map-line" data-testid="map-line"><span>{escape(words)}</span>{name}</div>'
+    return f"{line}{_instead(shown)}{_without_pin(shown)}"
 
 
 def _instead(shown: Shown) -> str:
@@ -94,6 +95,14 @@ def _instead(shown: Shown) -> str:
         said.append(f"has no head {asked.head}, so all heads are shown")
     model = shown.page.model.title
     return f'<div class="et-note" data-testid="instead">{escape(model)} {"; it ".join(said)}.</div>' if said else ""
+
+
+def _without_pin(shown: Shown) -> str:
+    """Why the map stands alone though it is held against a pin."""
+    if not (trouble := pin_trouble(shown)):
+        return ""
+    said = f"Pin {shown.slice_.compare.upper()} cannot be computed, so the map stands alone: {trouble}"
+    return f'<div class="et-note" data-testid="no-pin">{escape(said)}</div>'
 
 
 def library_words(shown: Shown) -> str:
@@ -167,7 +176,8 @@ def _difference(shown: Shown, apart: Difference, base: str) -> str:
             ("then", found.then, title_of(shown.page, apart.pinned.request.model_id)),
         )
     )
-    shared = float(np.minimum(found.now.map.cpu().numpy(), found.then.map.cpu().numpy()).sum())
+    shares = [each.map.cpu().numpy() / max(float(each.map.sum()), 1e-20) for each in (found.now, found.then)]
+    shared = float(np.minimum(*shares).sum())  # columns, and the largest or smallest of the heads, sum to no 1
     said = f"now and {apart.slot.upper()} share {100 * shared:.0f} % of their weight"
     if left := kept_words(weights, shown.look.keep):
         said += f" · {left} of the difference"

@@ -43,7 +43,7 @@ RECOVERED = 0.02
 _ROW, _WIDTH = 19, 320
 
 
-def sources_html(figure: Sources | None) -> str:
+def sources_html(figure: Sources | None, anatomy: Anatomy | None = None) -> str:
     """A line from each part to the pixel, as wide as what the pixel loses without it."""
     lead = (
         "Each part is ablated alone and the step is made again: a line is as wide as the pixel moves. Parts can stand "
@@ -69,13 +69,13 @@ def sources_html(figure: Sources | None) -> str:
     drawn = ""
     for at, name, value in rows:
         width = WIDEST * abs(value) / largest
-        signed = percent(value)
+        signed, words = percent(value), escape(stage_words(name, anatomy))
         drawn += (
-            f'<g><title>{escape(stage_words(name))}: {signed}</title><path fill="none"'
+            f'<g><title>{words}: {signed}</title><path fill="none"'
             f' d="M150 {at - 4:.0f} C 220 {at - 4:.0f}, 230 {middle:.0f}, 292 {middle:.0f}"'
             f' stroke="var(--accent)" stroke-opacity="0.55" stroke-width="{max(width, 0.3):.2f}"'
             f' data-testid="source"/></g>'
-            f'<text x="16" y="{at:.0f}">{escape(stage_words(name))}</text>'
+            f'<text x="16" y="{at:.0f}">{words}</text>'
             f'<text x="146" y="{at:.0f}" text-anchor="end">{signed}</text>'
         )
     pixel = (
@@ -192,7 +192,8 @@ def twin_html(
     """The curve of the difference, which can be clicked, and both frames of the current window side by side."""
     if change.is_nothing:
         return panel("twin", _nothing_changed(moment, anatomy))
-    words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
+    since = change.since if found is None else found.indices[0]  # what holds in each window by itself is run on, too
+    words = f"{change_words(change.intervention, change.edit)} · {since_words(since, change.once)}"
     head = (
         f'<div class="et-changed" data-testid="changed"><span>{escape(words)}</span>'
         f"{button('Reset all', 'inspect:reset', classes='et-strong')}</div>"

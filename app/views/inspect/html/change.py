@@ -65,9 +65,9 @@ def _state(change: Change, index: int) -> str:
         )
     ahead = ""
     if change.at(index).is_nothing:
-        ahead = (
-            f'<div class="et-note">It begins at window {count(change.since or 0)}: here the image is original.</div>'
-        )
+        since = change.since or 0
+        when = f"It begins at window {count(since)}" if index < since else f"It held in window {count(since)} alone"
+        ahead = f'<div class="et-note">{when}: here the image is original.</div>'
     words = f"{change_words(change.intervention, change.edit)} · {since_words(change.since, change.once)}"
     return (
         f'<div class="et-changed" data-testid="changed"><span>{escape(words)}</span>'
@@ -114,7 +114,8 @@ def _scope(change: Change, index: int) -> str:
     }
     why = "Persistent: state and events carry the change into later windows. Once: the state recovers from it."
     if change.scope != "window" and not (change.intervention.changes_memory or not change.edit.changes_nothing):
-        why = "What changes the decoding alone leaves no trace in the state: later windows are as they were."
+        later = "later windows are as they were" if change.once else "each later window is changed by itself"
+        why = f"What changes the decoding alone leaves no trace in the state: {later}."
     choice = segmented("Scope", options, f"inspect:scope:{change.scope}")
     return f'<div class="et-set"><b>Scope</b>{choice}<div class="et-note">{why}</div></div>'
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.html.attention.maps import AttentionLook, Site, map_html, site_words, tokens_words
@@ -49,7 +51,7 @@ def matters_html(
 def attended_html(attended: Attended, site: str, look: AttentionLook, key: object, *, base: str) -> str:
     """For the pixel's token: raw weights beside what is really handed over, and what goes to padding and sinks."""
     attention = attended.attention
-    grid = attention.grid
+    grid, look = attention.grid, replace(look, direction="attends to")  # both maps are rows, whatever is chosen
     token = grid.token_at(*look.query)
     name = site if site in attention.sites else attention.sites[0]
     raw, handed = ARRAYS.get(("handed", key, name, token), lambda: rows_at(attended, name, token), _nbytes)

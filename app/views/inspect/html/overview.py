@@ -64,14 +64,15 @@ def list_html(lacks: dict[str, str]) -> str:
     return panel("inspector-list", "<h4>Inspectors</h4>", f'<div class="et-inspectors">{"".join(rows)}</div>')
 
 
-def stage_words(name: str) -> str:
-    """A part of the sources figure in standard words."""
+def stage_words(name: str, anatomy: Anatomy | None = None) -> str:
+    """A part of the sources figure in standard words; a level's resolution only where it is known to have one."""
     kind, _, number = name.partition(" ")
     match kind:
         case "bin":
             return f"Bin {number}"
         case "level":
-            return f"Level {number} ({resolution(int(number))})"
+            own = "" if anatomy is None else level_words(anatomy, int(number))
+            return f"Level {number}" if own in ("", f"level {number}") else f"Level {number} ({own})"
         case "scale":
             return f"Scale {resolution(int(number))}"
         case "skip":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
@@ -51,7 +52,7 @@ def rolled_html(rolled: RolledOut | None, ready: Ready, look: AttentionLook, sli
     head = f'<div class="et-note">{escape(lead)}</div>{choice}'
     if rolled is None or ready.attention is None:
         return panel("rolled", head)
-    attention = ready.attention
+    attention, look = ready.attention, replace(look, direction="attends to")  # it is made of rows, whatever is chosen
     shares = rolled.weights.sum(1)
     cells: list[str] = []
     for scale, weights, share in zip(rolled.scales, rolled.weights, shares, strict=True):

@@ -10,6 +10,7 @@ import numpy as np
 from app.html.elements import ON_PICK, bar, empty, escape, panel, picture
 from app.html.moment import PICTURES, Moment
 from app.html.units import count, of_whole, rate, seconds
+from etnet.events.denoise import uncleaned
 from etnet.render.colours import css_gradient, sequential
 from etnet.render.encode import data_url
 
@@ -41,8 +42,8 @@ def doctor_html(moment: Moment, result: JobResult | None) -> str:
     found: Examination = result.value
     advice = "".join(f'<div class="et-warning" data-testid="advice">{escape(said)}</div>' for said in found.advice)
     return (
-        part("doctor", "Statistics", advice + _rows(found))
-        + PICTURES.text(("doctor", moment.recording_id), lambda: _pictures(found))
+        part("doctor", "Statistics", advice + _of_how_much(moment, found) + _rows(found))
+        + PICTURES.text(("doctor", moment.recording_id, found.num_events, found.stop), lambda: _pictures(found))
         + _told(found)
     )
 
@@ -50,6 +51,16 @@ def doctor_html(moment: Moment, result: JobResult | None) -> str:
 def part(name: str, title: str, body: str) -> str:
     """One part of the statistics, which no column breaks."""
     return f'<section class="et etv-part" data-testid="{name}"><h4>{escape(title)}</h4>{body}</section>'
+
+
+def _of_how_much(moment: Moment, found: Examination) -> str:
+    """That more came since, or that the filter does not act here: numbers beside these are then of other events."""
+    said = []
+    if found.num_events < uncleaned(moment.recording).num_events:
+        said.append(f"More events have come since: this is of the first {seconds((found.stop - found.start) / 1e6)}.")
+    if not moment.cleaning.changes_nothing:
+        said.append("Of all its events, also of those that the filter takes out.")
+    return f'<div class="et-note" data-testid="of-how-much">{" ".join(said)}</div>' if said else ""
 
 
 def _rows(found: Examination) -> str:

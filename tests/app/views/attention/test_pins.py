@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest
 from app.state.view_state import Limits
 from app.views.attention.html.code import snippet
@@ -63,3 +65,22 @@ def test_lines_of_python_are_offered_for_the_map_and_for_a_difference(page_of):
     slice_ = reduce_attention(AttentionState(site=SITE), PinMap("a"), Here(STATE, Limits()))
     both = replace(page_of(slice_, [("pin", PinJob(slice_.pin_a))]), file_name="made up.txt")
     assert "pins.difference" in snippet(shown_of(both))
+
+
+@pytest.mark.parametrize(
+    ("gather", "direction"), [("max", "attends to"), ("min", "attends to"), ("mean", "attended by")]
+)
+def test_a_map_shares_all_of_its_weight_with_itself_whatever_it_sums_to(page_of, gather, direction):
+    slice_ = AttentionState(site=SITE, gather=gather, direction=direction)
+    slice_ = reduce_attention(slice_, PinMap("a"), Here(STATE, Limits()))
+    html = stage_html(page_of(slice_, [("pin", PinJob(slice_.pin_a))]))[3]
+    assert "now and A share 100 % of their weight" in html
+
+
+def test_why_a_pin_cannot_be_computed_is_said_while_the_map_is_held_against_it(page_of):
+    slice_ = reduce_attention(AttentionState(site=SITE), PinMap("a"), Here(STATE, Limits()))
+    gone = {"attention.pin": JobResult(PinJob(slice_.pin_a), trouble="its events have left the <buffer>")}
+    said = Checker(stage_html(replace(page_of(slice_), results=gone))[3])
+    assert "Pin A cannot be computed, so the map stands alone: its events have left the <buffer>" in said.text
+    for other in (replace(slice_, compare="none"), replace(slice_, pin_a=replace(slice_.pin_a, head=1))):
+        assert not Checker(stage_html(replace(page_of(other), results=gone))[3]).by_testid("no-pin")

@@ -7,6 +7,7 @@ import pytest
 
 from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
+from app.html.attention.changed import change_words
 from app.html.controls import percent
 from app.html.moment import Moment
 from app.state.view_state import ViewState
@@ -20,6 +21,7 @@ from app.views.inspect.jobs.parts import AblatedPartsJob
 from app.views.inspect.panel import inspector_html
 from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
+from app.views.timeline.panel import changed_windows, measure_of
 from app.views.view import changing_views
 from etnet.errors import ModelError
 from etnet.events.edit import EventEdit
@@ -38,6 +40,7 @@ from tests.inspection.small import SENSOR
 
 INDEX = 4
 ZEROED = Intervention(zeroed_levels=frozenset({1, 2, 3}))
+EACH_ZEROED = "state of level 1 zeroed · state of level 2 zeroed · state of level 3 zeroed"
 
 
 @pytest.fixture(scope="module")
@@ -180,10 +183,49 @@ def test_the_twin_shows_both_frames_of_the_current_window_and_its_curve_goes_the
     page = Checker(inspector_html(page_of(loaded, state, twin=(job, whole(job, loaded)))))
     assert len(page.by_testid("twin-pair")) == 1
     assert any(key.startswith("span:") for key in page.keys)
-    assert "state 1/2 zeroed · state 1/4 zeroed · state 1/8 zeroed · once, in window 2" in page.text
+    assert f"{EACH_ZEROED} · once, in window 2" in page.text
     nothing = state.put(InspectState(opened="twin"))
     network = NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model)
     assert f"inspect:twin:{INDEX}:1,2,3" in Checker(inspector_html(page_of(loaded, nothing, network=network))).keys
+
+
+def test_a_twin_of_what_holds_in_each_window_by_itself_is_headed_by_what_its_two_runs_are(loaded):
+    state = ViewState(index=INDEX, query=QUERY).put(InspectState(opened="twin", change=Change(ZEROED)))
+    job = inspect_jobs(state, request_of(INDEX))["inspect.twin"]
+    page = Checker(inspector_html(page_of(loaded, state, twin=(job, whole(job, loaded)))))
+    assert f"{EACH_ZEROED} · persistent from window {INDEX}" in page.text
+    assert "this window only" not in page.text
+
+
+@pytest.mark.parametrize(("preset", "words"), [("tiny", "Level 1 (1/2)"), ("firenet", "Level 1 ")])
+def test_a_level_has_a_resolution_only_in_a_network_whose_levels_differ_in_it(preset, words):
+    loaded = loaded_of(preset)
+    state, job = (
+        ViewState(index=INDEX, query=QUERY).put(InspectState(opened="sources")),
+        SourcesJob(request_of(INDEX), QUERY),
+    )
+    network = NetworkPartsJob(request_of(0)), network_parts(loaded.playback.model)
+    page = Checker(inspector_html(page_of(loaded, state, network=network, sources=(job, whole(job, loaded)))))
+    assert words in page.text
+    assert ("(1/2)" in page.text) == (preset == "tiny")
+    frozen = Intervention(zeroed_levels=frozenset({1}), frozen_levels=frozenset({2}))
+    assert change_words(frozen, EventEdit()) == "state of level 1 zeroed · state of level 2 frozen"
+
+
+@pytest.mark.parametrize(
+    ("change", "marked"),
+    [
+        (Change(Intervention(without_context=True), since=2, once=True), range(2, 3)),
+        (Change(Intervention(without_context=True), since=2), range(2, 8)),
+        (Change(ZEROED, since=2, once=True), range(2, 8)),  # its state carries it on
+        (Change(ZEROED), range(INDEX, INDEX + 1)),
+    ],
+)
+def test_the_timeline_marks_the_windows_that_a_change_reaches_and_calls_no_mark_a_measure(loaded, change, marked):
+    page = page_of(loaded, ViewState(index=INDEX).put(InspectState(change=change)))
+    assert changed_windows(page) == marked
+    assert change_on_timeline(page)
+    assert measure_of(replace(page, over_timeline=change_on_timeline(page))) == ""
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from app.views.inspect.html.change import change_html
 from app.views.inspect.html.importance import attended_html, matters_html
 from app.views.inspect.html.network_input import given_html
 from app.views.inspect.html.overview import NEEDS
+from app.views.inspect.html.rollout import rolled_html
 from app.views.inspect.jobs import memory, parts, pixel
 from app.views.inspect.panel import InspectPanel, inspector_html
 from app.views.inspect.scene_cloud import traced_cloud
@@ -153,6 +154,24 @@ def test_a_switched_button_says_so_by_name_and_everything_can_be_reset(loaded):
     assert f"{words} · this window only" in page.text
 
 
+@pytest.mark.parametrize(
+    ("index", "once", "said"),
+    [
+        (4, True, "It begins at window 5: here the image is original."),
+        (9, True, "It held in window 5 alone: here the image is original."),
+        (9, False, "each later window is changed by itself"),
+    ],
+)
+def test_where_a_change_of_the_decoding_holds_is_said_as_it_is(loaded, index, once, said):
+    change = Change(Intervention(without_context=True), since=5, once=once)
+    told = {"outcome": None, "key": None, "tones": Tones(), "is_whole": False}
+    html = change_html(network_parts(loaded.playback.model), change, index=index, site=SITE, **told)
+    text = Checker(html).text
+    assert said in text
+    assert ("It begins" in text) == (index < 5)
+    assert ("later windows are as they were" in text) == once
+
+
 NETWORKS = ("e2vid", "firenet")
 
 
@@ -258,6 +277,16 @@ def test_what_is_rolled_out_is_the_librarys_and_sums_to_one(loaded, ready):
     page = Checker(inspector_html(page_of(state, moment_of(loaded), ready, network=anatomy, rolled=(job, rolled))))
     assert "sums to 1.0000" in page.text
     assert len(page.by_testid("by-scale")) == 1
+
+
+def test_maps_made_of_rows_keep_the_colours_of_rows_whichever_direction_is_chosen(loaded, ready):
+    rolled = whole(pixel.RolloutJob(request_of(5), QUERY, 0.5), loaded)
+    attended = whole(parts.AttendedJob(request_of(5)), loaded)
+    looks = [AttentionLook(QUERY, direction=direction) for direction in ("attends to", "attended by")]
+    drawn = {rolled_html(rolled, ready, look, InspectState(), "x") for look in looks}
+    assert len(drawn) == 1
+    assert "attention received" not in drawn.pop()
+    assert len({attended_html(attended, SITE, look, "key", base="x") for look in looks}) == 1
 
 
 def test_what_is_followed_holds_the_map_of_the_current_window_and_of_the_chosen_head(loaded, ready):

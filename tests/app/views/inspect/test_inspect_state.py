@@ -31,6 +31,7 @@ from app.views.inspect.state import (
     is_switched,
     switched,
 )
+from etnet.events.cleaning import Cleaning
 from etnet.events.edit import EventEdit
 from etnet.nets.intervention import ORIGINAL, Intervention
 from etnet.nets.presets import build_model
@@ -78,7 +79,7 @@ def test_no_order_of_requests_leads_out_of_what_there_is_and_a_reset_undoes_it_a
         assert 1 <= state.of(InspectState).level <= 3
         assert 0 <= state.of(InspectState).change.edit.drop <= 1
     assert reduce(state, ResetAll(), Limits()).of(InspectState).change == NO_CHANGE
-    for anew in (ask.OpenRecording("another"), ask.ChooseModel("another")):
+    for anew in (ask.OpenRecording("another"), ask.ChooseModel("another"), ask.ChooseCleaning(Cleaning(True))):
         assert reduce(state, anew, Limits()).of(InspectState).change == NO_CHANGE
 
 
@@ -231,3 +232,11 @@ def test_a_branch_takes_its_bytes_from_its_playbacks_share():
     assert loaded.playing(request_of(5, edit=EventEdit(drop=0.5)))[0] is branch
     loaded.playing(request_of(5, edit=EventEdit(drop=0.6)))
     assert loaded.budget_bytes == 1 << 20
+
+
+def test_a_change_from_a_window_on_does_not_go_over_to_the_windows_that_a_filter_leaves():
+    state = ViewState("r", "m", policy=POLICY, index=5).put(
+        InspectState(change=Change(CARRIED[0]["intervention"], since=4))
+    )
+    filtered = reduce(state, ask.ChooseCleaning(Cleaning(True)), Limits())
+    assert filtered.of(InspectState).change == NO_CHANGE
