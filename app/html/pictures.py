@@ -158,9 +158,10 @@ def badges(ready: Ready, tones: Tones, first: str = "") -> str:
 
 
 def cold_start_chip(ready: Ready) -> str:
-    """Of a live recording's frame whose way from the first window was not gone."""
+    """Of a frame that was not come to from a live recording's first window."""
     began = f"The memory was empty at window {count(ready.began_at)}"
-    return chip("from a cold start", "warning", f"{began}: what came before had left the buffer")
+    why = "what came before had left the buffer, or was passed over to catch up"
+    return chip("from a cold start", "warning", f"{began}: {why}")
 
 
 def camera_picture(moment: Moment, tones: Tones) -> str:

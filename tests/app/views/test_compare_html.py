@@ -90,7 +90,7 @@ def test_a_frame_from_a_cold_start_is_called_so_and_not_changed(moment, is_cold)
     ready = replace(shown.ready, is_exact=False, is_cold=is_cold, began_at=3)
     html = pictures_html(moment, [replace(shown, ready=ready)], CompareState())
     assert "from a cold start" in html
-    assert "The memory was empty at window 3" in html
+    assert "The memory was empty at window 3: what came before had left the buffer, or was passed over" in html
     assert "was changed" not in html
 
 
