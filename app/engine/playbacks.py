@@ -271,6 +271,11 @@ class PlaybackCache:
             loaded = self.loaded(request)
         return loaded
 
+    def anew(self, request: FrameRequest) -> LoadedPlayback:
+        """The same, made anew whatever it holds: without states it begins at the first window that is held."""
+        self._let_go([key for key in (request.playback,) if key in self._stages])
+        return self.loaded(request)
+
     def held(self, request: FrameRequest) -> LoadedPlayback | None:
         """The playback for a request if there is one; makes none."""
         return self._stages.get(request.playback)

@@ -1,15 +1,19 @@
-"""Frames of a live recording whose beginning has left: what is claimed of them."""
+"""Frames of a recording whose beginning has left, and a network that is slower than its source: no thread, no clock."""
 
 import time
 from dataclasses import dataclass, replace
 from threading import Condition
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from app.catalogue.cut import with_cut
+from app.engine import live
 from app.engine.jobs import JobQueue
+from app.engine.live import LiveSteps
 from app.engine.playbacks import PlaybackCache
+from app.engine.queue import RequestQueue
 from app.engine.replies import cold_frame, ready_of
 from app.engine.requests import FrameRequest
 from etnet.errors import ModelError, RecordingError, WindowError
@@ -45,6 +49,20 @@ class Leaving:
 
     def close(self):
         """Nothing is held open."""
+
+
+class SlowModel(CountingModel):
+    """While it takes a step, seconds pass and events leave."""
+
+    def __init__(self):
+        super().__init__()
+        self.on_step = lambda: None
+
+    def encode(self, voxel, state=None, intervention=None):
+        made = super().encode(voxel, state, intervention)
+        if voxel.shape[-2:] != (96, 128):
+            self.on_step()
+        return made
 
 
 @pytest.fixture
@@ -125,3 +143,84 @@ def test_the_newest_window_is_shown_when_all_else_has_left(source):
     loaded = playbacks_of(source, CountingModel()).loaded(request(LAST))
     source.num_gone = NUM_WINDOWS
     assert cold(loaded, LAST).began_at == LAST
+
+
+class Steps:
+    """The live side of the engine over a source whose last window was taken; each step of the network takes a second,
+    in which `leave` windows leave."""
+
+    def __init__(self, source, leave, warm_up, monkeypatch):
+        self.now, self.notes, self.done, model = 0.0, [], [], SlowModel()
+        monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=lambda: self.now, perf_counter=time.perf_counter))
+        self.playbacks, self.book = playbacks_of(source, model, warm_up), RequestQueue()
+        windows = SimpleNamespace(
+            kept=source.cut, policy=POLICY, take=lambda timeout: source.cut[-1], is_full=lambda: False
+        )
+        told = SimpleNamespace(buffer=SimpleNamespace(changed=Condition()), note=self.notes.append)
+        feed = SimpleNamespace(id="r", windows=windows, live=told, finished=lambda index: None)
+        self.steps = LiveSteps(feed, "m", "fp32", self.playbacks, self.book)
+
+        def passes():
+            self.now, source.num_gone = self.now + 1.0, source.num_gone + leave
+
+        self.model, self.passes = model, passes
+        model.on_step = passes
+
+    def turns(self, most, between=lambda: None):
+        """How many turns the network needs until the window's image is there."""
+        for number in range(1, most + 1):
+            self.steps.work(lambda loaded, request, step, began: self.done.append((loaded, request.index)))
+            if self.done:
+                return number
+            between()
+        return None
+
+
+@pytest.fixture
+def stepping(source, monkeypatch):
+    made = []
+
+    def begin(leave, warm_up=WARM_UP):
+        made.append(Steps(source, leave, warm_up, monkeypatch))
+        return made[-1]
+
+    yield begin
+    for each in made:
+        each.steps.stop()
+
+
+@pytest.mark.parametrize("is_asked", [False, True])
+def test_a_network_that_makes_way_for_others_does_not_follow_what_leaves_along_all_that_is_held(
+    source, stepping, is_asked
+):
+    source.num_gone, steps = 5, stepping(leave=2)
+    steps.book.put("another", request(0, "elsewhere"), lambda reply: None)
+    ask = lambda: steps.playbacks.reaching(request(LAST - 1))  # noqa: E731
+    assert steps.turns(NUM_WINDOWS, ask if is_asked else lambda: None) == 1 + (WARM_UP + 1)
+    (loaded, index), *_ = steps.done
+    assert (loaded.playback.first, index) == (LAST - WARM_UP, LAST)
+    assert steps.notes == []
+
+
+def test_another_network_that_comes_to_the_window_meanwhile_goes_on_from_where_it_is(source, stepping):
+    source.num_gone, steps = 5, stepping(leave=2)
+    other = request(LAST, model="n")
+    steps.model.on_step = lambda: None
+    loaded = steps.playbacks.loaded(other)
+    loaded.playback.at(LAST - 1)
+    steps.model.on_step = steps.passes
+    steps.book.put("another", request(0, "elsewhere"), lambda reply: None)
+    assert steps.turns(1) is None
+    steps.book.put("somebody", other, lambda reply: None)
+    assert steps.turns(1) == 1
+    assert steps.done == [(loaded, LAST)]
+
+
+@pytest.mark.parametrize(("leave", "first"), [(1, 1), (7, 34), (12, 38), (10, LAST), (60, LAST)])
+def test_a_network_that_is_overtaken_on_the_way_from_near_begins_nearer_and_is_no_fault(source, stepping, leave, first):
+    source.num_gone, steps = 1, stepping(leave)
+    assert steps.turns(1) == 1
+    (loaded, index), *_ = steps.done
+    assert index == LAST
+    assert steps.notes == []
+    assert loaded.playback.first == first
