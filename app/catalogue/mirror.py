@@ -105,6 +105,8 @@ class Mirror:
         self._id = ""
         self._began = 0.0
         self._is_closed = False
+        self._is_ending = False
+        """What it looked through is being put away: until then it counts, and no other camera is let in."""
 
     @property
     def recording_id(self) -> str:
@@ -123,6 +125,8 @@ class Mirror:
                 raise MirrorError("the page with this camera is not open any more; load it again")
             if self._live is not None:
                 raise MirrorError("this page has a camera already")
+            if self._is_ending:
+                raise MirrorError("this page's camera is just being switched off; try again in a moment")
             self._mirrors.admit(self)
             self._pixels = MirrorSensor()
             from etnet.live.webcam import PushedFrames
@@ -163,14 +167,18 @@ class Mirror:
     def end(self, trouble: str = "") -> None:
         """Forget all that was seen."""
         with self._lock:
-            live, gone = self._live, self._id
+            live, gone, pixels = self._live, self._id, self._pixels
             if live is None:
                 return
+            self._is_ending = True
             self._live, self._frames, self._seen, self._id, self.trouble = None, None, None, "", trouble
-        self._on_change("")
-        live.stop()
-        self._pixels.close()
-        self._mirrors.dismiss(self, gone)
+        try:
+            self._on_change("")
+            live.stop()
+            pixels.close()
+        finally:
+            self._mirrors.dismiss(self, gone)
+            self._is_ending = False
 
     def close(self) -> None:
         """The visitor has gone."""

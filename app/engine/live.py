@@ -9,6 +9,7 @@ import logging
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,9 @@ RESTS = 10.0
 """Seconds for which a network that could not go on is left alone; another one is stepped meanwhile."""
 STRETCH = 0.4
 """Seconds after which a network on its way to the newest window makes way for who waits."""
+NEAR_STARTS = 1.0, 0.25, 0.0
+"""How long before a window, as shares of the warm-up, a network that was overtaken on its way to it begins, one try
+after the other: the window itself can be read in any case."""
 NEAR = 3
 """A visitor whose window is among the last few follows the source."""
 _WAKE = 0.01
@@ -38,6 +42,17 @@ _log = logging.getLogger(__name__)
 Network = tuple[str, Precision]
 Done = Callable[[LoadedPlayback, FrameRequest, "Step", float], None]
 """Told the step of a window and when (`time.perf_counter`) it began."""
+
+
+@dataclass(slots=True)
+class _Way:
+    """How a network comes to a window that was taken."""
+
+    window: Window
+    interrupted: LoadedPlayback | None = None
+    """On its way when it made way for others."""
+    num_near: int = 0
+    """Cold starts near the window, each nearer than the one before."""
 
 
 class LiveSteps:
@@ -52,8 +67,8 @@ class LiveSteps:
         self._step_seconds: float | None = None
         self._num_measured = 0
         self._resting: dict[Network, float] = {}
-        self._begun: Window | None = None
-        """A window that was taken and that the network is still on its way to."""
+        self._begun: _Way | None = None
+        """To a window that was taken and that the network has not come to yet."""
         self._stopped = Event()
         Thread(target=self._watch, daemon=True, name="live windows").start()
 
@@ -79,6 +94,8 @@ class LiveSteps:
         led = self._lead()
         if led is None:
             return
+        if led != self._led and self._begun is not None:
+            self._begun = _Way(self._begun.window)
         self._led = led
         try:
             self._work(done)
@@ -99,41 +116,61 @@ class LiveSteps:
             self._prepare()
             return
         wants_attention = self._wants_attention(len(self._feed.windows.kept))
-        if self._begun is None:
-            self._begun = self._feed.windows.take(timeout=0)
-        window = self._begun
-        if window is None:
+        if self._begun is None and (taken := self._feed.windows.take(timeout=0)) is not None:
+            self._begun = _Way(taken)
+        way = self._begun
+        if way is None:
             return
+        window = way.window
         began = time.perf_counter()
         policy = self._feed.windows.policy
         request = FrameRequest(self._feed.id, *self._led, policy, window.index, wants_attention)
-        loaded, step = self._step(request)
+        loaded, step = self._step(request, way)
         if step.attention is not None:
             self._playbacks.keep_attention(request, step.attention)
         done(loaded, request, step, began)
         self._feed.finished(window.index)
         self._begun = None
 
-    def _step(self, request: FrameRequest) -> tuple[LoadedPlayback, Step]:
+    def _step(self, request: FrameRequest, way: _Way) -> tuple[LoadedPlayback, Step]:
         """The step of a request's window; from a cold start near it where events on the way left the buffer meanwhile,
         as they do when a network is slower than the source: it would not catch up from the oldest window."""
-        loaded = self._playbacks.reaching(request)
-        try:
-            return loaded, self._at(request, loaded)
-        except RecordingError:
-            if loaded.reaches(request.index):
-                raise
-        loaded = self._playbacks.reaching(request)  # made anew: it has no states yet
-        loaded.playback.first = max(loaded.playback.first, request.index - loaded.warm_up)
-        return loaded, self._at(request, loaded)
+        loaded, former = self._playbacks.loaded(request), way.interrupted
+        # One that others' requests have made anew meanwhile was overtaken as well.
+        if former is None or (loaded is former and loaded.reaches(request.index)):
+            loaded = self._playbacks.reaching(request)
+            try:
+                return loaded, self._at(request, loaded, way)
+            except RecordingError:
+                if loaded.reaches(request.index):
+                    raise
+        return self._near(request, way)
 
-    def _at(self, request: FrameRequest, loaded: LoadedPlayback) -> Step:
+    def _near(self, request: FrameRequest, way: _Way) -> tuple[LoadedPlayback, Step]:
+        """The step from a cold start near the window; nearer still where events on that way, too, have left."""
+        while True:
+            share = NEAR_STARTS[min(way.num_near, len(NEAR_STARTS) - 1)]
+            way.num_near += 1
+            loaded = self._playbacks.anew(request)
+            loaded.playback.first = max(loaded.playback.first, request.index - int(share * loaded.warm_up))
+            try:
+                return loaded, self._at(request, loaded, way)
+            except RecordingError:
+                if loaded.playback.first >= request.index or loaded.reaches(request.index):
+                    raise
+
+    def _at(self, request: FrameRequest, loaded: LoadedPlayback, way: _Way) -> Step:
         ends = time.monotonic() + STRETCH
 
         def makes_way() -> bool:
             return self._stopped.is_set() or (time.monotonic() > ends and self._book.num_waiting > 0)
 
-        return loaded.playback.at(request.index, _probe() if request.wants_attention else None, cancelled=makes_way)
+        probe = _probe() if request.wants_attention else None
+        try:
+            return loaded.playback.at(request.index, probe, cancelled=makes_way)
+        except Cancelled:
+            way.interrupted = loaded
+            raise
 
     def _lead(self) -> Network | None:
         """The network to step: the one that is stepped while somebody looks at it, else one that somebody looks at.

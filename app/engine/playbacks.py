@@ -103,10 +103,10 @@ class LoadedPlayback:
 
         wait_for(device_of(self.playback.model))
 
-    def num_seen(self, index: int) -> int:
-        """How far the state of a window is warmed up, 0 … `warm_up`."""
+    def num_seen(self, index: int, began_at: int) -> int:
+        """How far the state of a window is warmed up, 0 … `warm_up`, where it was empty at window `began_at`."""
         num_pixels = self.playback.recording.sensor.num_pixels
-        return windows_seen(self.windows, index, self.warm_up, num_pixels, self.sparsest)
+        return windows_seen(self.windows, index, self.warm_up, num_pixels, self.sparsest, began_at)
 
     def playing(self, request: FrameRequest) -> tuple[Playback, Intervention]:
         """The playback in which a request's change is carried, and what is left to change when its frame is decoded."""
@@ -115,6 +115,10 @@ class LoadedPlayback:
         at = request.index if request.since is None else request.since
         if at > request.index:
             raise ModelError(f"window {request.index} lies before window {at}, at which the change begins")
+        if at < self.playback.first:
+            raise ModelError(
+                f"a change can begin at window {self.playback.first}, where the memory was empty, or later"
+            )
         key = (at, request.intervention, request.edit, request.once)
         if self.branch is None or self.branch[0] != key:
             from etnet.inspection.twin import changed
@@ -266,6 +270,11 @@ class PlaybackCache:
             self._let_go([request.playback])
             loaded = self.loaded(request)
         return loaded
+
+    def anew(self, request: FrameRequest) -> LoadedPlayback:
+        """The same, made anew whatever it holds: without states it begins at the first window that is held."""
+        self._let_go([key for key in (request.playback,) if key in self._stages])
+        return self.loaded(request)
 
     def held(self, request: FrameRequest) -> LoadedPlayback | None:
         """The playback for a request if there is one; makes none."""

@@ -33,11 +33,17 @@ def ready_of(
     attention: Attention | None,
     began: float,
     is_approximate: bool = False,
+    began_at: int | None = None,
 ) -> Ready:
-    """A frame as it goes to visitors, with what may be claimed of it."""
+    """A frame as it goes to visitors, with what may be claimed of it.
+
+    `began_at`: the window at which the memory was empty, where the playback's own way does not begin there.
+    """
     array = array_of(frame)
     check_finite(array, loaded.playback.model, request.index)
-    num_seen = loaded.num_seen(request.index)
+    first = loaded.playback.first if began_at is None else began_at
+    num_replayed = request.index - first
+    num_seen = loaded.num_seen(request.index, first)
     return Ready(
         request=request,
         frame=array,
@@ -47,26 +53,32 @@ def ready_of(
         is_approximate=is_approximate,
         is_cold=num_seen < loaded.warm_up,
         contract=loaded.contract,
-        num_warm=min(request.index, loaded.warm_up) if is_approximate else request.index,
-        began_at=loaded.playback.first,
+        num_warm=min(num_replayed, loaded.warm_up) if is_approximate else num_replayed,
+        began_at=first,
         num_seen=num_seen,
         warm_up=loaded.warm_up,
     )
 
 
 def cold_frame(loaded: LoadedPlayback, request: FrameRequest, began: float, cancelled: Callable[[], bool]) -> Ready:
-    """A frame from a cold start: events on the way to its window have left the buffer of a live recording."""
+    """A frame from a cold start of its own: events on the way to its window have left the buffer of a live recording,
+    or were passed over by a network that began later."""
     from etnet.nets.attention import AttentionProbe
 
     recording = loaded.playback.recording
     assert isinstance(recording, CutRecording)
-    at = max(recording.first_held, loaded.playback.first, request.index - loaded.warm_up)
-    if at > request.index or not request.is_original:
+    if recording.is_gone(loaded.windows[request.index]):
         raise WindowError(f"gone: what came before {recording.gone_before:.1f} s has left the buffer")
+    if not request.is_original:
+        raise WindowError(
+            "a change needs the way to its window, and events on it have left the buffer or were passed over to"
+            " catch up; reset the change, or go to a newer moment"
+        )
+    # The newest window can be read for longer than its events are held.
+    at = min(max(recording.first_held, request.index - loaded.warm_up), request.index)
     probe = AttentionProbe() if request.wants_attention else None
-    step = loaded.playback.approximate(request.index, request.index - at, cancelled, probe)
-    ready = ready_of(loaded, request, step.frame, step.attention, began)
-    return replace(ready, is_exact=False, began_at=at)
+    step = loaded.playback.approximate(request.index, request.index - at, cancelled, probe, first=at)
+    return replace(ready_of(loaded, request, step.frame, step.attention, began, began_at=at), is_exact=False)
 
 
 def is_exact(loaded: LoadedPlayback, request: FrameRequest) -> bool:

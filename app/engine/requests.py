@@ -122,7 +122,7 @@ class Ready:
     contract: Contract
     num_warm: int
     began_at: int = 0
-    """The window at which the memory was empty; above 0 where what came before has left a live buffer."""
+    """The window at which the memory was empty; above 0 where what came before left a live buffer, or was skipped."""
     num_seen: int = 0
     warm_up: int = 0
     is_former: bool = False

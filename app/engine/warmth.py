@@ -16,24 +16,26 @@ def sparsest_of(trained_band: tuple[float, float] | None) -> float:
     return SPARSEST if trained_band is None else trained_band[0]
 
 
-def windows_seen(windows: Sequence[Window], index: int, warm_up: int, num_pixels: int, sparsest: float) -> int:
-    """How far the state of window `index` is warmed up, 0 … `warm_up`.
+def windows_seen(
+    windows: Sequence[Window], index: int, warm_up: int, num_pixels: int, sparsest: float, first: int = 0
+) -> int:
+    """How far the state of window `index` is warmed up, 0 … `warm_up`, where it was empty at window `first`.
 
     Windows count, and so do events: `warm_up` windows hold `sparsest` events per pixel each, or it takes more of them.
     """
-    if not 0 <= index < len(windows):
+    if not first <= index < len(windows):
         return 0
     wanted = warm_up * sparsest * num_pixels
-    events = windows[index].start - windows[0].start
+    events = windows[index].start - windows[first].start
     by_events = warm_up if wanted <= 0 else int(warm_up * events / wanted)
-    return min(index, by_events, warm_up)
+    return min(index - first, by_events, warm_up)
 
 
-def first_warm(windows: Sequence[Window], warm_up: int, num_pixels: int, sparsest: float) -> int | None:
-    """The first window whose state is warm; `None` where none is."""
+def first_warm(windows: Sequence[Window], warm_up: int, num_pixels: int, sparsest: float, first: int = 0) -> int | None:
+    """The first window whose state is warm, where it was empty at window `first`; `None` where none is."""
 
     def is_warm(index: int) -> bool:
-        return windows_seen(windows, index, warm_up, num_pixels, sparsest) >= warm_up
+        return windows_seen(windows, index, warm_up, num_pixels, sparsest, first) >= warm_up
 
     found = bisect_left(range(len(windows)), True, key=is_warm)
     return found if found < len(windows) else None

@@ -146,8 +146,7 @@ def badges(ready: Ready, tones: Tones, first: str = "") -> str:
         found.append(chip("changed", "warning", change_words(*ready.request.change[:2])))
         found.append('<button class="et-button" data-k="inspect:reset" data-pick="1">Reset all</button>')
     elif ready.began_at:
-        why = f"The memory was empty at window {count(ready.began_at)}: what came before had left the buffer"
-        found.append(chip("from a cold start", "warning", why))
+        found.append(cold_start_chip(ready))
     else:
         found.append(chip("not the plain run", "warning", "Something inside the network or its runtime was changed"))
     if ready.is_cold and not ready.is_former:
@@ -156,6 +155,13 @@ def badges(ready: Ready, tones: Tones, first: str = "") -> str:
     tone = _TONE_WORDS[resolve(tones.tone, tones.is_linear_light)]
     found.append(f'<span class="et-note">{milliseconds(ready.milliseconds)} · {escape(tone)}</span>')
     return f'<div class="et-chips">{"".join(found)}</div>'
+
+
+def cold_start_chip(ready: Ready) -> str:
+    """Of a frame that was not come to from a live recording's first window."""
+    began = f"The memory was empty at window {count(ready.began_at)}"
+    why = "what came before had left the buffer, or was passed over to catch up"
+    return chip("from a cold start", "warning", f"{began}: {why}")
 
 
 def camera_picture(moment: Moment, tones: Tones) -> str:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from etnet.byte_cache import ByteCache
-from etnet.errors import Cancelled
+from etnet.errors import Cancelled, WindowError
 from etnet.events.edit import UNEDITED, EventEdit
 from etnet.events.recording import Recording
 from etnet.nets.attention import AttentionProbe
@@ -150,12 +150,17 @@ class Playback:
         warm_up: int,
         cancelled: Callable[[], bool] | None = None,
         probe: AttentionProbe | None = None,
+        first: int | None = None,
     ) -> Step:
-        """The frame after a cold start `warm_up` windows earlier: a preview, never kept, never called exact."""
-        self._check(index)
+        """The frame after a cold start `warm_up` windows earlier: a preview, never kept, never called exact.
+
+        It begins with window `first` at the earliest, which may lie before this playback's own.
+        """
+        first = self.first if first is None else first
+        self._check(index, first)
         state, pyramid = None, None
         with torch.inference_mode():
-            for i in range(max(self.first, index - warm_up), index + 1):
+            for i in range(max(first, index - warm_up), index + 1):
                 _raise_if(cancelled)
                 pyramid, state = self.model.encode(self._input(i), state, self.intervention_at(i))
             assert pyramid is not None
@@ -165,7 +170,7 @@ class Playback:
 
     def voxel(self, index: int) -> Float[Tensor, "bins h w"]:
         """The voxel grid that the network gets for window `index`, its normalisation applied."""
-        self._check(index)
+        self._check(index, first=0)
         return window_voxel(self.model, self.recording, self.windows[index], self.edit_at(index))
 
     def intervention_at(self, index: int) -> Intervention:
@@ -286,8 +291,13 @@ class Playback:
     def _decoding(self, intervention: Intervention, index: int) -> Intervention:
         return intervention if intervention != ORIGINAL else self.intervention_at(index)
 
-    def _check(self, index: int) -> None:
-        if not self.first <= index < len(self.windows):
+    def _check(self, index: int, first: int | None = None) -> None:
+        first = self.first if first is None else first
+        if 0 <= index < first:
+            raise WindowError(
+                f"the memory was empty at window {first}, and window {index} lies before it: go on in time"
+            )
+        if not first <= index < len(self.windows):
             raise IndexError(f"{self.recording.name}: window {index} of {len(self.windows)}")
 
 

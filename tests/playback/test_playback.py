@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etnet.errors import Cancelled
+from etnet.errors import Cancelled, WindowError
 from etnet.events.edit import EventEdit
 from etnet.events.recording import Recording, recording_of_events
 from etnet.nets.attention import AttentionProbe
@@ -166,6 +166,15 @@ def test_an_approximate_frame_is_a_cold_start_and_is_never_kept():
     assert torch.equal(preview.frame, _sequential_from(6, 9)[-1])
     assert playback.cached() == before
     assert torch.equal(playback.approximate(2, warm_up=30).frame, TRUTH[2].frame)
+
+
+def test_what_lies_before_a_playback_that_begins_later_is_refused_but_for_a_cold_start_of_its_own():
+    playback = _playback(MODEL, budget_states=100)
+    playback.first = 8
+    assert torch.equal(playback.approximate(5, warm_up=3, first=2).frame, _sequential_from(2, 5)[-1])
+    for ask in (playback.at, lambda index: playback.approximate(index, 3)):
+        with pytest.raises(WindowError, match="empty at window 8, and window 5 lies before it"):
+            ask(5)
 
 
 def test_indices_outside_are_refused():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.catalogue.cut import is_live
 from app.engine.warmth import SPARSEST, first_warm
 from app.html.elements import ON_PICK, escape
 from app.html.moment import ARRAYS, Moment
@@ -99,10 +100,13 @@ def _warm_up(page: Page, moment: Moment) -> Iterator[Finding]:
     if ready is None or ready.is_former or not ready.is_cold or ready.request.index != moment.index:
         return
     band, num_pixels = page.model.trained_band, moment.recording.sensor.num_pixels
-    warm = first_warm(moment.windows, ready.warm_up, num_pixels, SPARSEST if band is None else band[0])
+    sparsest = SPARSEST if band is None else band[0]
+    warm = first_warm(moment.windows, ready.warm_up, num_pixels, sparsest, ready.began_at)
     text = f"Warm-up {ready.num_seen} of {ready.warm_up}: the state has seen too little to be sure of the brightness."
     if warm is None:
-        yield Finding("warm-up", f"{text} It will not be warm in this recording.")
+        yield Finding(
+            "warm-up", text if is_live(moment.recording) else f"{text} It will not be warm in this recording."
+        )
         return
     at = (moment.windows[warm].t_stop - moment.recording.span.start) / 1e6
     yield Finding("warm-up", text, f"Go to window {count(warm)}", f"goto:{at:.6f}")

@@ -143,6 +143,22 @@ def test_only_so_many_run_at_once_and_one_that_ends_makes_room(shelf):
     made.close()
 
 
+def test_a_camera_is_not_let_in_while_the_former_one_is_being_put_away(mirror, shelf):
+    begun(mirror, shelf)
+    live, may_stop = mirror._live, threading.Event()
+    plain = live.stop
+    live.stop = lambda: (may_stop.wait(30), plain())
+    ending = threading.Thread(target=mirror.end)
+    ending.start()
+    until(lambda: mirror.recording_id == "")
+    with pytest.raises(MirrorError, match="switched off; try again"):
+        mirror.begin()
+    may_stop.set()
+    ending.join()
+    begun(mirror, shelf)
+    assert mirror._mirrors._running == {mirror}, "it is the one that runs, so it counts"
+
+
 def test_a_ticket_is_good_for_as_long_as_its_page_is_open(mirror, shelf):
     made = mirror._mirrors
     assert made.of(mirror.ticket) is mirror

@@ -87,6 +87,16 @@ def test_a_camera_frame_that_is_not_of_this_time_is_said_to_be(moment):
     assert "motion between" not in pictures_html(moment, [on_time], CompareState())
 
 
+@pytest.mark.parametrize("is_cold", [False, True])
+def test_a_frame_from_a_cold_start_is_called_so_and_not_changed(moment, is_cold):
+    shown = run(moment, 0)
+    ready = replace(shown.ready, is_exact=False, is_cold=is_cold, began_at=3)
+    html = pictures_html(moment, [replace(shown, ready=ready)], CompareState())
+    assert "from a cold start" in html
+    assert "The memory was empty at window 3: what came before had left the buffer, or was passed over" in html
+    assert "was changed" not in html
+
+
 def test_a_frame_of_another_window_is_dimmed_and_said(moment):
     shown = run(moment, 0)
     html = pictures_html(moment, [replace(shown, request=replace(shown.request, index=9))], CompareState())

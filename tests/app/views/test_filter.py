@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from app.catalogue.cut import with_cut
 from app.engine.jobs import JobResult
 from app.engine.requests import FrameRequest, Ready
 from app.engine.warmth import first_warm, warm_up_steps, windows_seen
@@ -32,6 +33,7 @@ from etnet.events.events import Events, Sensor
 from etnet.events.fitness import Activity, Fitness, Lag
 from etnet.events.pixel_counts import HotPixel
 from etnet.events.recording import recording_of_events
+from etnet.live.buffer import Extent
 from etnet.windows import ByCount, ByDensity, ByDuration, plan_windows
 from tests.app.stand_ins import CONTRACT
 
@@ -138,6 +140,26 @@ def test_a_state_is_warm_when_windows_and_events_suffice(density, index, seen):
     steps = warm_up_steps(windows, 20, 1200, 0.05)
     for each in range(len(windows)):
         assert sum(step <= each for step in steps) == windows_seen(windows, each, 20, 1200, 0.05)
+
+
+def test_where_the_memory_was_empty_later_it_is_warm_later():
+    windows = plan_windows(recording(9600), ByCount(120))
+    later = first_warm(windows, 20, 1200, 0.05, first=30)
+    assert later == first_warm(windows, 20, 1200, 0.05) + 30
+    assert windows_seen(windows, 37, 20, 1200, 0.05, first=30) == 7
+    assert windows_seen(windows, 29, 20, 1200, 0.05, first=30) == 0
+
+
+def test_of_a_live_recording_it_is_not_said_that_it_will_never_be_warm():
+    whole, policy = recording(400), ByDuration(10_000)
+    windows = tuple(plan_windows(whole, policy))
+    going_on = with_cut(whole, policy, windows, lambda: Extent(400, 0, None, None, None, None))
+    request, frame = FrameRequest("a", "m", "fp32", policy, 3), np.zeros((30, 40), np.float32)
+    ready = Ready(request, frame, None, 1.0, False, False, True, CONTRACT, 1, began_at=2, num_seen=1, warm_up=2_000)
+    for opened, never in ((whole, True), (going_on, False)):
+        told = {finding.name: finding for finding in findings(page_of(opened, policy, 3, ready))}
+        assert "Warm-up 1 of 2000" in told["warm-up"].text
+        assert ("will not be warm" in told["warm-up"].text) == never
 
 
 def test_each_reason_comes_with_a_button_that_helps():

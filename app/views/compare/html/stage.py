@@ -10,7 +10,7 @@ from jaxtyping import Float32
 from app.engine.requests import Ready
 from app.html.elements import chip, empty, escape, marker, picture
 from app.html.moment import PICTURES, Moment
-from app.html.pictures import grey_reads, lag_line, ramp_reads, reconstruction_image, swiped
+from app.html.pictures import cold_start_chip, grey_reads, lag_line, ramp_reads, reconstruction_image, swiped
 from app.html.units import milliseconds, short
 from app.views.compare.html.heads import section
 from app.views.compare.html.run import SAME_TIME, RunShown, Truth, truth_frame
@@ -207,6 +207,8 @@ def _claim(ready: Ready) -> str:
         return chip("approximate", "warning", f"From a cold start {ready.num_warm} windows earlier; exact follows")
     if not ready.request.is_original:
         return chip("changed", "warning", "A part of the network or its events is changed")
+    if ready.began_at:
+        return cold_start_chip(ready)
     if ready.is_cold:
         return chip("warm-up", "plain", "Near its first window the network has seen too little to be sure")
     return chip("not the plain run", "warning", "Something inside the network or its runtime was changed")
