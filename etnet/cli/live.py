@@ -97,9 +97,8 @@ def run(config: ReconstructLive) -> int:
     with ExitStack() as stack:
         is_stopped = stack.enter_context(stopping(config.options.seconds))
         live = stack.enter_context(opened(config.live, config.options, is_stopped))
-        downsample = fitting_downsample(live.sensor)
-        if config.downsample != "auto":
-            downsample = {"1": 1, "2": 2, "4": 4}[config.downsample]
+        stated: dict[str, Downsample] = {"1": 1, "2": 2, "4": 4}
+        downsample = stated.get(config.downsample) or fitting_downsample(live.sensor)
         num_frames = _reconstruct(config, policy, stack, live, model, downsample, is_stopped)
     console.print(f"wrote {num_frames} frames to {config.out}", markup=False, soft_wrap=True)
     return 0 if num_frames else 1
