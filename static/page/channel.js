@@ -228,7 +228,8 @@
     "]": () => look(zoom, from + 0.25 / zoom),
   };
   let headWas = 0;
-  // A recording that grows, or of which a live buffer drops the oldest, has another axis: what is looked at stays.
+  // A recording that grows, or of which a live buffer drops the oldest, has another axis: what is looked at stays, while there
+  // is something left of it.
   const onto = (now) => {
     const former = { start: Number(start), duration: Number(duration) };
     const stays = of === (now.of ?? "") && zoom > 1.01 && former.duration > 0 && Number(now.duration) > 0;
@@ -236,7 +237,7 @@
     [start, duration, of] = [now.start ?? "", now.duration ?? "", now.of ?? ""];
     if (!stays) return isAsLong ? drawRuler() : look(1, 0);
     const placed = (share) => (former.start + share * former.duration - Number(start)) / Number(duration);
-    look((zoom * Number(duration)) / former.duration, placed(from));
+    look((zoom * Number(duration)) / former.duration, placed(from + 1 / zoom) > 0 ? placed(from) : from);
     headWas = Math.abs(head() - placed(headWas)) < 2e-5 ? head() : placed(headWas); // told to 1e-5: where it is the same, time stood still
   };
   setInterval(() => {

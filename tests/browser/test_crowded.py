@@ -36,8 +36,9 @@ def test_it_is_loaded_anew_once_the_server_answers_and_not_into_a_browsers_error
         answers = [lambda route: route.abort(), lambda route: route.fulfill(status=502), lambda route: route.fallback()]
         page.route("**/healthz", lambda route: (asked.append(route.request.url), answers.pop(0)(route)))
         for num in (1, 2):
-            ends = "requestfailed" if num == 1 else "requestfinished"
-            with page.expect_event(ends, lambda request: request.url.endswith("/healthz")):
+            with page.expect_event(
+                "requestfailed" if num == 1 else "response", lambda each: each.url.endswith("/healthz")
+            ):
                 page.clock.fast_forward(41_000)
             page.evaluate("new Promise((settled) => queueMicrotask(settled))")
             assert len(asked) == num
