@@ -26,7 +26,7 @@ from app.views.inspect.html.network_input import given_html
 from app.views.inspect.html.overview import INSPECTORS, NEEDS, ablation_html, list_html
 from app.views.inspect.html.python import code_of
 from app.views.inspect.html.rollout import followed_html, rolled_html
-from app.views.inspect.state import InspectState
+from app.views.inspect.state import Change, InspectState
 from app.views.page import Page
 from app.views.panel import Dispatch, Html, Panel
 from app.views.reconstruction.state import tones_of
@@ -142,9 +142,7 @@ def _causes(page: Page, moment: Moment) -> str:
             return waits + spread_html(_value(found), None if found is None else found.job, query)
     found = page.results.get("inspect.twin")
     change = inside.change
-    is_answer = found is not None and _request(found).intervention == change.intervention
-    is_answer = is_answer and found is not None and _request(found).edit == change.edit
-    value = _value(found) if is_answer else None
+    value = _value(found) if found is not None and _is_of(_request(found), change) else None
     waits = ""
     if not change.is_nothing and (found is None or not found.is_whole):
         waits = panel("awaited", under_way(0.0 if found is None else found.share, "both runs, window by window"))
@@ -152,6 +150,12 @@ def _causes(page: Page, moment: Moment) -> str:
         waits = _awaited(found, "", page)
     key = None if found is None else found.job
     return twin_html(value, key, change, moment, query, tones_of(page), _anatomy(page)) + waits
+
+
+def _is_of(made: FrameRequest, change: Change) -> bool:
+    """Whether a twin is of this change; one of what holds in each window by itself began at a window of its own."""
+    is_same = (made.intervention, made.edit, made.once) == (change.intervention, change.edit, change.once)
+    return is_same and change.since in (None, made.since)
 
 
 def _anatomy(page: Page) -> Anatomy | None:

@@ -195,6 +195,9 @@ def test_a_twin_of_what_holds_in_each_window_by_itself_is_headed_by_what_its_two
     page = Checker(inspector_html(page_of(loaded, state, twin=(job, whole(job, loaded)))))
     assert f"{EACH_ZEROED} · persistent from window {INDEX}" in page.text
     assert "this window only" not in page.text
+    for other in (Change(ZEROED, since=INDEX, once=True), Change(ZEROED, since=2)):
+        former = page_of(loaded, state.put(InspectState(opened="twin", change=other)), twin=(job, whole(job, loaded)))
+        assert not Checker(inspector_html(former)).by_testid("twin-pair")
 
 
 @pytest.mark.parametrize(("preset", "words"), [("tiny", "Level 1 (1/2)"), ("firenet", "Level 1 ")])
