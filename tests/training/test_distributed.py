@@ -1,17 +1,21 @@
+import math
 import os
 import socket
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+from torch import Tensor
 
 from etnet.training.checkpoint import LAST, load_checkpoint
 from etnet.training.config import ContextConfig, Stage, TrainConfig, TrainingError
 from etnet.training.distributed import World
 from etnet.training.loop import train
+from etnet.training.run import begin
 from tests.training.micro import micro
 
 MEMBER = """
@@ -68,16 +72,23 @@ def two_processes(program: str, out: Path) -> None:
     assert [member.wait(timeout=150) for member in members] == [0, 0]
 
 
+def _apart(one: Mapping[str, Tensor], other: Mapping[str, Tensor]) -> float:
+    """The length of the difference of two networks' weights."""
+    return math.sqrt(sum(float((one[name].double() - other[name].double()).square().sum()) for name in one))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("clips", "most"), [("plain", 1e-5), ("toned", 5e-5)])
-def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str, most: float):
-    """A mean of means rounds otherwise than a mean, and AdamW's first steps enlarge what is small: hence `most`."""
+@pytest.mark.parametrize("clips", ["plain", "toned"])
+def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str):
+    """They end within a hundredth of the way that the weights went: a mean of means rounds otherwise than a mean, and
+    AdamW's steps are as long where a gradient is next to nothing. Over six seeds each they lay .00003 to .004 of the
+    way apart; a process that trains on its own half of the clips alone lay .25 to 1 of it off."""
     folder = tmp_path / clips
     two_processes(MEMBER, folder / "two")
+    start = {name: weight.clone() for name, weight in begin(shared(folder / "one"), World()).model.state_dict().items()}
     train(shared(folder / "one"))
     one, two = load_checkpoint(folder / "one" / LAST), load_checkpoint(folder / "two" / LAST)
-    difference = max(float((one.weights[name] - two.weights[name]).abs().max()) for name in one.weights)
-    assert difference < most
+    assert _apart(one.weights, two.weights) < 0.01 * _apart(one.weights, start)
     for own, other in zip(one.memory, two.memory, strict=True):
         torch.testing.assert_close(own, other, atol=1e-4, rtol=1e-3)
 
