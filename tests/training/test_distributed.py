@@ -49,7 +49,8 @@ def shared(out: Path) -> TrainConfig:
     many clips are gamma-coded that a process often has none that TPA is read of."""
     context = ContextConfig(skip_drop=0.5, skip_drop_end=0.5, blind_share=0.8)
     is_toned = out.parent.name == "toned"
-    config = micro(out, stages=(Stage(8 if is_toned else 20, size=(40, 48), clips=4),), context=context)
+    stages = (Stage(8 if is_toned else 20, size=(40, 48), clips=4),)
+    config = micro(out, stages=stages, context=context, seed=2)
     if is_toned:
         config = replace(config, data=replace(config.data, gamma_share=0.6), loss=replace(config.loss, context=1.0))
     return replace(config, network=replace(config.network, dropout=0.0))
@@ -78,16 +79,17 @@ def _apart(one: Mapping[str, Tensor], other: Mapping[str, Tensor]) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("clips", ["plain", "toned"])
-def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str):
-    """They end within a hundredth of the way that the weights went: a mean of means rounds otherwise than a mean, and
-    AdamW's steps are as long where a gradient is next to nothing. Over six seeds each they lay .00003 to .004 of the
-    way apart; a process that trains on its own half of the clips alone lay .25 to 1 of it off."""
+@pytest.mark.parametrize(("clips", "most"), [("plain", 1e-5), ("toned", 5e-5)])
+def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str, most: float):
+    """A mean of means rounds otherwise than a mean, and AdamW's steps are as long where a gradient is next to nothing:
+    hence `most`, which does not hold for every seed, and a hundredth of the way that the weights went. Over six seeds
+    each they lay .00003 to .004 of it apart; a process that trains on its own half of the clips alone .25 to 1."""
     folder = tmp_path / clips
     two_processes(MEMBER, folder / "two")
     start = {name: weight.clone() for name, weight in begin(shared(folder / "one"), World()).model.state_dict().items()}
     train(shared(folder / "one"))
     one, two = load_checkpoint(folder / "one" / LAST), load_checkpoint(folder / "two" / LAST)
+    assert max(float((one.weights[name] - two.weights[name]).abs().max()) for name in one.weights) < most
     assert _apart(one.weights, two.weights) < 0.01 * _apart(one.weights, start)
     for own, other in zip(one.memory, two.memory, strict=True):
         torch.testing.assert_close(own, other, atol=1e-4, rtol=1e-3)

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from app.engine.jobs import JobResult
 from app.engine.network_parts import NetworkPartsJob, network_parts
 from app.engine.requests import Ready
 from app.html.attention.changed import change_words
 from app.html.attention.links import links_of
 from app.html.attention.look import AttentionLook
-from app.html.moment import Moment
 from app.html.pictures import Tones
 from app.state.view_state import ViewState
 from app.views.attention.state import AttentionState
@@ -23,10 +21,9 @@ from app.views.inspect.html.network_input import given_html
 from app.views.inspect.html.overview import NEEDS
 from app.views.inspect.html.rollout import rolled_html
 from app.views.inspect.jobs import memory, parts, pixel
-from app.views.inspect.panel import InspectPanel, inspector_html
+from app.views.inspect.panel import inspector_html
 from app.views.inspect.scene_cloud import traced_cloud
 from app.views.inspect.state import Change, InspectState
-from app.views.page import Page
 from app.views.scene.nodes import arc
 from app.views.scene.space import Space
 from etnet.events.edit import EventEdit
@@ -34,7 +31,8 @@ from etnet.nets.attention import AttentionProbe
 from etnet.nets.intervention import Intervention
 from etnet.nets.presets import build_model
 from tests.app.checked_html import Checker
-from tests.app.small_loaded import POLICY, QUERY, SITE, loaded_of, request_of, whole
+from tests.app.small_loaded import QUERY, SITE, loaded_of, request_of, whole
+from tests.app.views.inspect.pages import moment_of, page_of
 from tests.inspection.small import SENSOR, small_playback
 
 
@@ -47,10 +45,6 @@ def loaded():
 def ready(loaded):
     step = loaded.playback.at(5, AttentionProbe())
     return Ready(request_of(5), step.frame[0, 0].numpy(), step.attention, 1.0, True, False, False, loaded.contract, 5)
-
-
-def moment_of(loaded):
-    return Moment("r", POLICY, 5, loaded.playback.recording, loaded.playback.windows)
 
 
 @pytest.fixture
@@ -100,11 +94,6 @@ def test_deeper_memory_is_added_one_depth_after_the_other(loaded):
 
 
 # ---- how it is told ----
-
-
-def page_of(state, moment, ready, **results):
-    found = {f"inspect.{name}": JobResult(job, value, 1.0, True) for name, (job, value) in results.items()}
-    return Page(replace(state, recording_id="r", model_id="m"), moment, ready, results=found)
 
 
 def test_every_part_has_a_row_and_the_verdict_names_what_decides(loaded):
@@ -375,43 +364,3 @@ def test_norms_are_those_of_the_states(loaded, moment):
     state = ViewState(index=5).put(InspectState(opened="state"))
     page = Checker(inspector_html(page_of(state, moment, None, network=anatomy, norms=(job, norms))))
     assert "over the last 6 windows" in page.text
-
-
-class Drawn:
-    """A page's element that keeps what it was sent."""
-
-    def __init__(self):
-        self.sent = []
-
-    def show(self, content):
-        self.sent.append(content)
-
-
-def test_in_a_drag_an_open_inspector_stands_still_and_says_so(loaded, moment):
-    job = parts.AblatedPartsJob(request_of(5).plain)
-    state = ViewState(index=5, query=QUERY)
-    page = page_of(state, moment, None, ablated=(job, whole(job, loaded)))
-    state, panel = page.state, InspectPanel()
-    panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
-    panel.show_settings(page)
-    for index in (6, 7):
-        panel.show_settings(replace(page, state=replace(state, index=index), is_moving=True))
-    assert len(panel._body.sent) == 1
-    assert panel._lag.sent[1:] == [panel._lag.sent[1]] * 2  # equal text is not sent again
-    assert "shows window 5" in panel._lag.sent[1]
-    panel.show_settings(replace(page, state=replace(state, index=7, query=(1, 2)), is_moving=True))
-    assert len(panel._body.sent) == 2  # a hand changed something
-    panel.show_settings(replace(page, state=replace(state, index=7)))
-    assert len(panel._body.sent) == 3  # at rest
-    assert panel._lag.sent[-1] == ""
-
-
-@pytest.mark.parametrize(("query", "follows"), [(None, False), (QUERY, True)])
-def test_in_a_drag_a_list_of_inspectors_without_an_answer_is_of_no_window(moment, query, follows):
-    page = replace(page_of(ViewState(index=5, query=query), moment, None), follows=follows)
-    panel = InspectPanel()
-    panel._lag, panel._body, panel._drawn, panel._drawn_at = Drawn(), Drawn(), None, 0
-    panel.show_settings(page)
-    panel.show_settings(replace(page, state=replace(page.state, index=6), is_moving=True))
-    assert panel._lag.sent == ["", ""]
-    assert len(panel._body.sent) == 1
