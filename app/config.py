@@ -115,7 +115,7 @@ class ViewerConfig:
     roi: Annotated[str | None, tyro.conf.arg(metavar="X,Y,W,H", aliases=["--region"])] = None
     """Show a region of the sensor only, in pixels."""
     downsample: Literal[1, 2, 4] | None = None
-    """Add up 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
+    """Bin 2×2 or 4×4 pixels. By default large sensors are brought to a size that runs, and the page says so."""
     flip: Literal["none", "horizontal", "vertical", "both"] = "none"
     rotate: Literal[0, 90, 180, 270] = 0
     """Degrees clockwise."""

@@ -47,7 +47,8 @@ class Filming:
     like: Path | None = None
     """A recording of your own camera: its sensor is measured, and the simulated one follows it."""
     pos_thres: float | None = None
-    """Threshold of ON events, in natural-log intensity. This and what follows replace --contrast and --noise."""
+    """Threshold of ON events, in natural-log intensity. Of this and what follows, what is
+    not given is as --contrast and --noise, --camera or --like have it."""
     neg_thres: float | None = None
     sigma_thres: float | None = None
     cutoff_hz: float | None = None

@@ -86,11 +86,11 @@ def _rows(found: Examination) -> list[tuple[str, str]]:
     first_gap = f", first {found.gaps[0].start:,} … {found.gaps[0].stop:,} µs" if found.gaps else ""
     rows = [
         ("sensor", f"{found.width} × {found.height} pixels"),
-        ("span", f"{seconds:.6f} s, stamps {found.start:,} … {found.stop:,} µs"),
+        ("span", f"{seconds:.6f} s, timestamps {found.start:,} … {found.stop:,} µs"),
         ("events", f"{found.num_events:,}; {share:.1%} ON; {rates}"),
         ("rate", _sparkline(found.rates) if seconds else "–"),
         ("gaps", f"{len(found.gaps)}{first_gap}"),
-        ("stamps", f"{found.num_equal_stamps:,} equal to the one before, {found.num_repeated_events:,} repeats"),
+        ("timestamps", f"{found.num_equal_stamps:,} duplicate, {found.num_repeated_events:,} events repeated"),
         ("pixels", _pixels(found)),
     ]
     if found.frames is not None:

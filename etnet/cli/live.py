@@ -73,7 +73,7 @@ class ReconstructLive:
     windows: str | None = None
     """count=10000, density=0.35 or duration=20ms; default: chosen so that a step fits."""
     downsample: Literal["auto", "1", "2", "4"] = "auto"
-    """Join so many pixels a side for the network; auto joins above 346×260."""
+    """Bin so many pixels a side for the network; auto does above 346×260."""
     device: str = "cpu"
     precision: Literal["fp32", "bf16", "auto"] = "fp32"
     gamma: Annotated[float | None, tyro.conf.arg(metavar="NUMBER")] = None

@@ -21,7 +21,7 @@ class Stated:
     assume: str | None = None
     """The sensor: width=640,height=480."""
     sort: bool = False
-    """Put stamps in order; the whole file is loaded."""
+    """Sort timestamps; the whole file is loaded."""
     drop_outside: bool = False
     """Leave out events beyond the sensor; the whole file is loaded."""
     polarity: Literal["auto", "inverted", "positive"] = "auto"

@@ -131,7 +131,7 @@ def step_graph(model: Network, size: tuple[int, int]) -> Graph:
 def _require_exporter() -> None:
     absent = next((name for name in ("onnx", "onnxscript") if find_spec(name) is None), None)
     if absent is not None:
-        raise ExportError(f"the package {absent} is not installed; install it with: pip install 'etnet[onnx]'")
+        raise ExportError(f"the package {absent} is not installed; install it with: pip install onnx onnxscript")
 
 
 def _prepared(model: Network) -> Network:

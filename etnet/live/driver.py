@@ -1,4 +1,4 @@
-"""Event cameras through `neuromorphic-drivers` (`pip install 'etnet[live]'`): DAVIS346, DVXplorer, EVK3 HD, EVK4, …
+"""Event cameras through `neuromorphic-drivers` (the extra `live`): DAVIS346, DVXplorer, EVK3 HD, EVK4, …
 
 A device belongs to the thread that reads it, so settings are changed there, between two packets.
 """
@@ -49,8 +49,7 @@ def driver_module() -> Any:
         return import_module(MODULE)
     except ImportError as error:
         raise RecordingError(
-            "live cameras need the driver: pip install 'etnet[live]' (neuromorphic-drivers); "
-            "a stream or a recording needs nothing more"
+            "live cameras need the driver: pip install neuromorphic-drivers; a stream or a recording needs nothing more"
         ) from error
 
 

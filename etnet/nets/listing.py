@@ -78,5 +78,7 @@ def where_to_get(name: str) -> str:
     """In one sentence where the weights of a listed network come from and what to do with them."""
     found = next((network for network in LISTED if network.name == name), None)
     if found is None:
-        return f"nobody published weights of {name!r}; train them with `etnet train`, or name a weights file"
+        return (
+            f"nobody published weights of {name!r}; name a weights file (`etnet train` trains ET-Net and its ablations)"
+        )
     return f"weights of {found.name!r} are published by {found.source}; get them, then: {found.how}"
