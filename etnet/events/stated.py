@@ -27,7 +27,7 @@ class Stated:
     polarity: Literal["auto", "inverted", "positive"] = "auto"
     """"auto" takes 0/1 and −1/+1, "inverted" swaps ON and OFF, "positive" takes every value above 0 as ON."""
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
-    """What the stamps count."""
+    """Unit of the timestamps."""
     max_pixels: int = MAX_PIXELS
     """Most pixels of a sensor or camera picture that a file may declare."""
     pixels: Literal["whole", "rounded", "32nds", "from1"] = "whole"
