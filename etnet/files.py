@@ -9,7 +9,10 @@ import os
 import re
 import secrets
 import shutil
+import socket
 import tempfile
+import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -18,9 +21,15 @@ from pathlib import Path
 from etnet.errors import EtnetError
 
 UNFINISHED = "unfinished"
-"""What a temporary file's name has: `.<target>.<process>.<random>.unfinished<suffix>`."""
+"""What a temporary file's name has: `.<target>.<process>-<node>.<random>.unfinished<suffix>`."""
 _DISK_FAULTS = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EIO, errno.EROFS)
-_LEFT = re.compile(rf"\..*\.([0-9]+)\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
+_WITHOUT_LOCKS = {
+    getattr(errno, name) for name in ("ENOSYS", "ENOLCK", "ENOTSUP", "EOPNOTSUPP") if hasattr(errno, name)
+}
+"""How a file system says that it has no locks."""
+_LEFT = re.compile(rf"\..*\.([0-9]+)(?:-([0-9a-f]{{8}}))?\.[0-9a-f]{{8}}\.{UNFINISHED}.*", re.DOTALL)
+_ABANDONED = 86_400
+"""Seconds without a change after which what was written on another node is taken for that of a process that ended."""
 
 
 def check_target(path: Path) -> None:
@@ -98,7 +107,8 @@ def write_atomically(path: Path, content: bytes, flushes: bool = True) -> None:
 def claimed(lock: Path) -> Iterator[bool]:
     """Whether this process alone works on what `lock` stands for, while the block lasts.
 
-    The file `lock` is made for it, and stays. The claim goes with the process that has it, however it ends.
+    The file `lock` is made for it, and stays. The claim goes with the process that has it, however it ends. Where the
+    file system has no locks nothing tells of others, and all may work.
     """
     try:
         import fcntl
@@ -112,6 +122,9 @@ def claimed(lock: Path) -> Iterator[bool]:
         except BlockingIOError:
             yield False
             return
+        except OSError as error:
+            if error.errno not in _WITHOUT_LOCKS:
+                raise
         yield True
 
 
@@ -122,12 +135,17 @@ def cannot_write(path: Path, error: OSError) -> EtnetError:
 
 
 def sweep_unfinished(folder: Path) -> None:
-    """Remove what processes that are gone were writing in a folder (see `replacing`)."""
+    """Remove what processes that are gone were writing in a folder (see `replacing`).
+
+    Whether one of another node is gone nothing tells but time.
+    """
     with contextlib.suppress(OSError):
         for left in folder.iterdir():
             found = _LEFT.fullmatch(left.name)
-            if found is not None and _has_ended(int(found[1])):
-                with contextlib.suppress(OSError):
+            if found is None:
+                continue
+            with contextlib.suppress(OSError):
+                if _has_ended(int(found[1])) if found[2] == _node() else _is_abandoned(left):
                     shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
@@ -176,7 +194,7 @@ def _of_the_disk(error: BaseException) -> OSError | None:
 
 
 def _beside(path: Path, suffix: str) -> Path:
-    return path.with_name(f".{path.name[:60]}.{os.getpid()}.{secrets.token_hex(4)}.{UNFINISHED}{suffix}")
+    return path.with_name(f".{path.name[:60]}.{os.getpid()}-{_node()}.{secrets.token_hex(4)}.{UNFINISHED}{suffix}")
 
 
 def _flush(path: Path) -> None:
@@ -192,6 +210,23 @@ def _flush(path: Path) -> None:
 def _sweep_once(folder: Path) -> None:
     """A folder of many files is looked through once a process."""
     sweep_unfinished(folder)
+
+
+@lru_cache(maxsize=1)
+def _node() -> str:
+    """A mark of where process ids mean what they mean here: this machine since its start, and this container."""
+    kernel = name_space = ""
+    with contextlib.suppress(OSError):
+        kernel = Path("/proc/sys/kernel/random/boot_id").read_text()
+    with contextlib.suppress(OSError):
+        name_space = os.readlink("/proc/self/ns/pid")
+    return f"{zlib.crc32(f'{socket.gethostname()} {kernel} {name_space}'.encode(errors='replace')):08x}"
+
+
+def _is_abandoned(left: Path) -> bool:
+    inside = left.rglob("*") if left.is_dir() else ()
+    newest = max(path.lstat().st_mtime for path in (left, *inside))
+    return time.time() - newest > _ABANDONED
 
 
 def _has_ended(process: int) -> bool:

@@ -4,12 +4,15 @@ import errno
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from etnet import files
 from etnet.errors import EtnetError
 from etnet.files import (
+    claimed,
     in_megabytes,
     printable,
     replace_folder,
@@ -68,8 +71,8 @@ def test_a_folder_is_not_replaced(tmp_path):
 
 def test_what_a_killed_process_left_is_swept_and_what_a_living_one_writes_is_not(tmp_path):
     ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
-    left = tmp_path / f".a.npz.{int(ended.stdout)}.0123abcd.unfinished"
-    living = tmp_path / f".a.npz.{os.getpid()}.0123abcd.unfinished"
+    left = tmp_path / f".a.npz.{int(ended.stdout)}-{files._node()}.0123abcd.unfinished"
+    living = tmp_path / f".a.npz.{os.getpid()}-{files._node()}.0123abcd.unfinished"
     folder = left.with_name(f"{left.name}.rows")
     for each in (left, living, tmp_path / "other.unfinished"):
         each.write_bytes(b"half")
@@ -77,6 +80,60 @@ def test_what_a_killed_process_left_is_swept_and_what_a_living_one_writes_is_not
     (folder / "0.npy").write_bytes(b"half")
     sweep_unfinished(tmp_path)
     assert sorted(os.listdir(tmp_path)) == sorted([living.name, "other.unfinished"])
+
+
+@pytest.mark.parametrize("mark", ["-0123abcd", ""])
+def test_what_another_node_is_writing_is_swept_once_it_has_not_changed_for_a_day(tmp_path, mark):
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    file = tmp_path / f".a.npz.{int(ended.stdout)}{mark}.0123abcd.unfinished"
+    folder = file.with_name(f"{file.name}.rows")
+    file.write_bytes(b"half")
+    folder.mkdir()
+    (folder / "0.npy").write_bytes(b"half")
+    before = sorted(os.listdir(tmp_path))
+    sweep_unfinished(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == before
+    a_day_ago = time.time() - 86_500
+    for each in (file, folder):
+        os.utime(each, (a_day_ago, a_day_ago))
+    sweep_unfinished(tmp_path)
+    assert os.listdir(tmp_path) == [folder.name]
+    os.utime(folder / "0.npy", (a_day_ago, a_day_ago))
+    sweep_unfinished(tmp_path)
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_file_that_two_nodes_write_into_one_folder_is_left_to_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_node", lambda: "0123abcd")
+    monkeypatch.setattr(files.os, "getpid", lambda: 1 << 30)
+    with replacing(tmp_path / "a") as beside:
+        beside.write_bytes(b"whole")
+        monkeypatch.undo()
+        sweep_unfinished(tmp_path)
+    assert (tmp_path / "a").read_bytes() == b"whole"
+
+
+@pytest.mark.parametrize("code", [errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_file_system_without_locks_holds_nobody_up(tmp_path, monkeypatch, code):
+    fcntl = pytest.importorskip("fcntl")
+
+    def flock(*_):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with claimed(tmp_path / ".claim") as is_ours:
+        assert is_ours
+
+
+def test_a_lock_that_fails_otherwise_is_an_error(tmp_path, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+
+    def flock(*_):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with pytest.raises(OSError, match=os.strerror(errno.EIO)), claimed(tmp_path / ".claim"):
+        pass
 
 
 def test_a_folder_is_made_beside_its_place_and_takes_it_whole(tmp_path):
