@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -190,7 +191,7 @@ def _short(value: float, measure: Measure) -> str:
     """As papers print it: no leading zero."""
     if math.isnan(value):
         return "n/a"
-    return f"{value:.{4 if measure == 'mse' else 3}f}".replace("0.", ".", 1)
+    return re.sub(r"^(-?)0\.", r"\1.", f"{value:.{4 if measure == 'mse' else 3}f}")
 
 
 def _describe(protocol: Protocol) -> str:

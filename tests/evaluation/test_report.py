@@ -11,7 +11,7 @@ from rich.console import Console
 from etnet.evaluation.datasets import sequence_called
 from etnet.evaluation.plot import plot_scores
 from etnet.evaluation.protocol import ProtocolName
-from etnet.evaluation.report import Failure, Report
+from etnet.evaluation.report import Failure, Report, _short
 from etnet.evaluation.scores import ROWS, Columns, Scores
 
 
@@ -72,6 +72,14 @@ def test_the_table_fits_80_columns_and_says_when_there_is_no_value() -> None:
     assert "…" not in text
     assert "n/a" in text
     assert ".300" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.3, ".300"), (-0.25, "-.250"), (0.0, ".000"), (10.5, "10.500"), (20.0, "20.000"), (-30.04, "-30.040")],
+)
+def test_only_a_leading_zero_is_left_out(value: float, text: str) -> None:
+    assert _short(value, "lpips") == text
 
 
 def test_what_it_writes_twice_is_the_same() -> None:
