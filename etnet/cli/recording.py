@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,6 +63,11 @@ def chosen_windows(recording: Recording, windows: Sequence[Window], begin: float
     """The windows that end after `begin` and by `end` (seconds since the first event; `None`: its own ends)."""
     if not windows:
         raise WindowError(f"{recording.name}: holds no window of events, so there is nothing to choose from")
+    unending = [f"{seconds:g}" for seconds in (begin, end) if seconds is not None and not math.isfinite(seconds)]
+    if unending:
+        raise WindowError(
+            f"--from and --to take seconds, got {' and '.join(unending)}; leave one out for the recording's own end"
+        )
     start = recording.span.start
     stamps = (None if seconds is None else start + round(seconds * 1e6) for seconds in (begin, end))
     found = windows_between(windows, *stamps)

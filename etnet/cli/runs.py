@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -44,13 +45,20 @@ def parse_run(text: str) -> RunOptions:
             name, is_named, value = word.partition("=")
             if not is_named or name not in known:
                 name, value = "model", word
-            given = {known[name]: float(value) if name == "cold-from" else value}
+            given = {known[name]: _seconds(value) if name == "cold-from" else value}
             found = replace(found, **given)
     except ValueError as slip:
         raise EtnetError(f"--also {text!r} is not understood ({slip}); {_FORMS}") from None
     if found.precision not in (None, "fp32", "bf16", "auto"):
         raise EtnetError(f"--also {text!r}: precision is fp32, bf16 or auto")
     return found
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is no number of seconds")
+    return value
 
 
 _FORMS = "write a model and what differs, for example 'pie-net-lite windows=duration=20ms filter=hot,5ms'"

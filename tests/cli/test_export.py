@@ -87,6 +87,14 @@ def test_a_failure_is_one_line_and_exit_code_one(tmp_path, weights, capsys):
     assert "range 70:80 holds none of the 50 windows" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", ["--from", "--to"])
+@pytest.mark.parametrize("seconds", ["nan", "inf"])
+def test_seconds_without_an_end_are_one_line(tmp_path, weights, capsys, option, seconds):
+    line = ["export", "csv", SAMPLE, "-o", str(tmp_path / "t.csv"), "--model", str(weights), option, seconds]
+    assert main(line) == 1
+    assert f"--from and --to take seconds, got {seconds}" in capsys.readouterr().err
+
+
 def test_queries_are_pixels():
     assert parse_queries(("1,2", "30,4")) == ((1, 2), (30, 4))
     with pytest.raises(EtnetError, match="X,Y"):
@@ -121,6 +129,7 @@ def test_an_error_of_a_run_that_is_not_there_is_one_line(tmp_path, weights, caps
         (["cold-from=soon"], "not understood"), (["precision=fp8"], "fp32, bf16 or auto"),
         (["'open"], "not understood"),
         (["", "", "", ""], "at most 3"), (["cold-from=9999"], "start cold earlier"),
+        (["cold-from=inf"], "inf is no number of seconds"),
     ],
 )  # fmt: skip
 def test_runs_that_cannot_be_are_one_line(tmp_path, weights, capsys, runs, words):
