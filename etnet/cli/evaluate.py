@@ -16,6 +16,7 @@ from rich.markup import escape
 from etnet.cli import many
 from etnet.cli.labels import labels_of
 from etnet.cli.many import Share, this_share
+from etnet.cli.many_sources import recordings_in
 from etnet.cli.progress import console, fraction_callback
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WeightsError
@@ -187,7 +188,7 @@ def sort_items(items: tuple[str, ...], out: Path) -> tuple[list[str], list[Path]
 
 def _recordings(path: Path, out: Path) -> tuple[Path, ...]:
     """A folder with one recording among other files is opened as a whole: its pictures may lie beside the events."""
-    found = many.recordings_in((path,), out) if path.is_dir() else (path,)
+    found = recordings_in((path,), out) if path.is_dir() else (path,)
     return found if len(found) > 1 else (path,)
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from etnet.cli.many import DONE, note_of
 from etnet.errors import EtnetError
+from etnet.events.formats.picture_lists import OWN_FRAMES
 
-STAMPS, VIDEO, MARKER = "stamps.csv", "video.mp4", ".etnet-frames"
+STAMPS, VIDEO, MARKER = "stamps.csv", "video.mp4", OWN_FRAMES
 """Beside the folder of the frames, in OUT. Where the marker lies, frames, stamps and video are this command's."""
 SETTINGS = "Reconstruct("
 """What the settings begin with that this command notes of a finished recording; others' are not its own."""

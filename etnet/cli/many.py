@@ -28,8 +28,6 @@ where it fails."""
 DONE, FAILED, CLAIM = "done.json", "failed.txt", ".claim"
 _LONGEST_NOTE = 1 << 20
 """Bytes of what is noted of a finished recording."""
-_FOLDER_SIGNS = ("events.txt", "events_ts.npy", "metadata.yaml")
-_BESIDE_EVENTS = ("images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,32 +72,27 @@ class Job:
     """When it was changed last."""
 
 
-def recordings_in(paths: Sequence[Path], out: Path) -> tuple[Path, ...]:
-    """Every recording among files and folders, each once. A folder that is a recording counts as one; what lies in
-    `out` was written by this command and is left out."""
-    found: dict[Path, Path] = {}
-    for path in paths:
-        if not path.exists():
-            raise EtnetError(f"{path}: there is no such file or folder")
-        for each in _recordings_below(path, out.resolve()):
-            found.setdefault(each.resolve(), each)
-    if not found:
-        raise EtnetError(
-            f"{', '.join(map(str, paths))}: no recording lies there; name files, or a folder that has some"
-        )
-    return tuple(found.values())
-
-
 def jobs_of(recordings: Sequence[Path], out: Path) -> tuple[Job, ...]:
     """One job a recording. Where two have one name, a part of the hash of their paths tells their folders apart."""
     stems = [path.stem if path.is_file() else re.sub(r"[*?\[\]]+", "_", path.name) for path in recordings]
     jobs = []
     for path, stem in zip(recordings, stems, strict=True):
         mark = "" if stems.count(stem) == 1 else f"-{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:6]}"
-        statuses = [file.stat() for file in _files_of(path)]
+        statuses = [file.stat() for file in files_of(path, out)]
         newest = max((status.st_mtime_ns for status in statuses), default=0)
         jobs.append(Job(path, out / f"{stem}{mark}", sum(status.st_size for status in statuses), newest))
     return tuple(jobs)
+
+
+def files_of(path: Path, out: Path) -> list[Path]:
+    """A file, the files below a folder, or those of a pattern, without what a command writes into `out` below it."""
+    if path.is_file():
+        return [path]
+    found = [each for each in (path.rglob("*") if path.is_dir() else path.parent.glob(path.name)) if each.is_file()]
+    folder, out = path.resolve(), out.resolve()
+    if out == folder or not out.is_relative_to(folder):
+        return found
+    return [each for each in found if not each.resolve().is_relative_to(out)]
 
 
 def dealt(jobs: Sequence[Job], share: Share) -> tuple[Job, ...]:
@@ -230,30 +223,6 @@ def _finish(job: Job, settings: str, counted: Mapping[str, int]) -> None:
     (job.folder / FAILED).unlink(missing_ok=True)
     done = {"recording": printable(job.path.name), **counted, **_sign_of(job, settings)}
     write_atomically(job.folder / DONE, (json.dumps(done, indent=1) + "\n").encode())
-
-
-def _recordings_below(path: Path, out: Path) -> list[Path]:
-    from etnet.events.formats.registry import FORMATS
-
-    if not path.is_dir() or any((path / sign).is_file() for sign in _FOLDER_SIGNS):
-        return [path]
-    suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix}
-    found: list[Path] = []
-    for each in sorted(path.iterdir()):
-        if each.name.startswith(".") or each.resolve() == out:
-            continue
-        if each.is_dir():
-            found += _recordings_below(each, out)
-        elif each.suffix.lower() in suffixes and each.name.lower() not in _BESIDE_EVENTS:
-            found.append(each)
-    return found
-
-
-def _files_of(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    found = path.rglob("*") if path.is_dir() else path.parent.glob(path.name)
-    return [each for each in found if each.is_file()]
 
 
 def _say(line: str) -> None:

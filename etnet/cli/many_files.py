@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from etnet.cli.many import jobs_of, recordings_in, run_many, this_share
+from etnet.cli.many import jobs_of, run_many, this_share
+from etnet.cli.many_sources import check_apart, recordings_in
 from etnet.errors import EtnetError
 from etnet.events.write import Layout, names_layout, suffix_of
 
@@ -27,6 +28,7 @@ def several_in(sources: Sequence[Path], target: Path) -> tuple[Path, ...] | None
     """
     if len(sources) == 1 and (not sources[0].is_dir() or (names_layout(target) and not target.is_dir())):
         return None
+    check_apart(sources, target)
     found = recordings_in(sources, target)
     if len(sources) == 1 and found == tuple(sources):
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -85,7 +86,8 @@ def parse(arguments: Sequence[str], program: str) -> Reconstruct | ReconstructLi
 
 def run(config: Reconstruct | ReconstructLive) -> int:
     """Do it; returns the exit code."""
-    from etnet.cli.many import jobs_of, recordings_in, run_many, this_share
+    from etnet.cli.many import jobs_of, run_many, this_share
+    from etnet.cli.many_sources import check_apart, recordings_in
 
     if isinstance(config, ReconstructLive):
         return run_live(config)
@@ -100,6 +102,7 @@ def run(config: Reconstruct | ReconstructLive) -> int:
         _check_out(config)
         places = next(iter(config.files)), config.opening, config.out
         return run_as_cut(*places, config.model, config.device, config.precision, config.gamma, config.overwrite)
+    check_apart(config.files, config.out)
     recordings = recordings_in(config.files, config.out)
     if len(recordings) == len(config.files) == 1 and recordings[0] == config.files[0]:
         _check_out(config)
@@ -140,11 +143,26 @@ def _check_out(config: Reconstruct, is_shared: bool = False) -> None:
 
 
 def _settings(config: Reconstruct) -> str:
-    """All that decides what is written, the weights file's size and time of change included."""
+    """All that decides what is written, size and time of change of the weights and of what gives stamps included."""
     weights = Path(config.model)
-    status = weights.stat() if weights.is_file() else None
-    mark = "" if status is None else f" {status.st_size} {status.st_mtime_ns}"
-    return f"{replace(config, files=(), out=Path(), overwrite=False)}{mark}"
+    mark = _mark_of(weights) if weights.is_file() else ""
+    stamps = "" if config.stamps is None else _marks_below(Path(config.stamps), config.out)
+    return f"{replace(config, files=(), out=Path(), overwrite=False)}{mark}{stamps}"
+
+
+def _mark_of(file: Path) -> str:
+    status = file.stat()
+    return f" {status.st_size} {status.st_mtime_ns}"
+
+
+def _marks_below(path: Path, out: Path) -> str:
+    """Of a file as it is, of a folder one for all its files, whose names may be the stamps; of triggers none."""
+    from etnet.cli.many import files_of
+
+    if not path.is_dir():
+        return _mark_of(path) if path.is_file() else ""
+    files = sorted((each.relative_to(path).as_posix(), _mark_of(each)) for each in files_of(path, out))
+    return f" {hashlib.sha256(repr(files).encode()).hexdigest()[:16]}"
 
 
 def _reconstruct(config: Reconstruct, path: Path, told: Callable[[float], None]) -> int:

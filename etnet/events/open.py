@@ -11,15 +11,17 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import NOTHING_ASSUMED, Assumptions, Progress, said_unit
 from etnet.events.cache import Scratch
 from etnet.events.events import Events
-from etnet.events.formats.archive import FolderStore, ZipStore
+from etnet.events.formats.archive import FolderStore, ZipStore, is_litter
+from etnet.events.formats.arrays.npy import folder_prefixes
 from etnet.events.formats.base import HEAD_BYTES, Opened, Request, contained
+from etnet.events.formats.chunks import are_pieces
 from etnet.events.formats.registry import FORMATS, choose
 from etnet.events.opened_as import WHOLE_VIEW, OpenedAs, View
 from etnet.events.recording import Bracketing, EventSource, Recording, Remark
 from etnet.events.sense import advice_on
 from etnet.events.view import seen_through
 
-__all__ = ["Assumptions", "View", "check_recording", "open_recording"]
+__all__ = ["Assumptions", "View", "check_recording", "is_one_recording", "open_recording"]
 
 _ZIP = b"PK\x03\x04"
 
@@ -114,6 +116,20 @@ def check_recording(path: Path) -> None:
         scratch = Scratch(path.name)
         resources.callback(scratch.close)
         choose(_request(path, NOTHING_ASSUMED, lambda _: None, resources, scratch), FORMATS)
+
+
+def is_one_recording(folder: Path) -> bool:
+    """Whether the files that lie in a folder itself, not those below, are one recording: its columns as npy files, or
+    numbered pieces of which the second goes on where the first one ends."""
+    members = tuple(sorted(each.name for each in folder.iterdir() if each.is_file() and not is_litter(each.name)))
+    if "" in folder_prefixes(members):
+        return True
+    with ExitStack() as resources:
+        scratch = Scratch(folder.name)
+        resources.callback(scratch.close)
+        return are_pieces(
+            Request(folder, folder.name, b"", members, NOTHING_ASSUMED, lambda _: None, resources, scratch)
+        )
 
 
 def _advice(found: Opened) -> tuple[Remark, ...]:

@@ -12,7 +12,8 @@ import pytest
 
 from etnet.cli import many
 from etnet.cli.main import main
-from etnet.cli.many import Job, Remaining, Share, dealt, in_words, is_done, jobs_of, recordings_in, run_many, this_share
+from etnet.cli.many import Job, Remaining, Share, dealt, in_words, is_done, jobs_of, run_many, this_share
+from etnet.cli.many_sources import recordings_in
 from etnet.errors import EtnetError
 from etnet.events.recording import recording_of_events
 from etnet.events.write import write_recording

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from etnet.cli.main import main
+from etnet.cli.reconstruct import Reconstruct, _settings
 from etnet.events.events import Sensor
 from etnet.events.recording import recording_of_events
 from etnet.events.triggers import Triggers
@@ -74,11 +76,33 @@ def test_triggers_give_the_moments(file, tmp_path, chosen, stamps):
         (["--stamps", "nowhere.csv"], "no such file"),
         (["--stamps", "triggers", "--windows", "density=1"], "duration=20ms or count=10000"),
         (["--upsample", "3"], "--stamps"),
+        (["--to", "inf"], "--from and --to take seconds, got inf"),
+        (["--from", "nan", "--to", "2"], "--from and --to take seconds, got nan"),
     ],
 )
 def test_what_cannot_be_is_one_line(file, tmp_path, capsys, options, words):
     assert main(["reconstruct", str(file), "--out", str(tmp_path / "out"), *options]) == 1
     assert words in capsys.readouterr().err
+
+
+def test_other_stamps_are_other_settings(tmp_path):
+    table, folder = tmp_path / "stamps.csv", tmp_path / "cam1"
+    folder.mkdir()
+    table.write_text("t_us\n100\n")
+    picture = folder / "0000000000000100000.png"
+    picture.write_bytes(b"picture")
+
+    def settings(stamps: Path | str | None) -> str:
+        return _settings(Reconstruct((), tmp_path / "out", stamps=None if stamps is None else str(stamps)))
+
+    before = settings(table), settings(folder)
+    assert (settings(table), settings(folder)) == before
+    table.write_text("t_us\n100\n200\n")
+    picture.rename(folder / "0000000000000200000.png")
+    assert settings(table) != before[0]
+    assert settings(folder) != before[1]
+    assert settings("triggers=0/rising").endswith("speed=1.0)")
+    assert settings(None).endswith("speed=1.0)")
 
 
 def pictures(out):

@@ -20,7 +20,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore, Store, TooLarge, ZipStore
 from etnet.events.formats.arrays.leaves import held, leaves_of, load_foreign
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
-from etnet.events.formats.bounds import Unpacked
+from etnet.events.formats.bounds import MAX_SMALL_FILE, Unpacked
 from etnet.events.formats.column_finder import Column, Columns, Leaf, find_events
 from etnet.events.formats.columns import LARGEST_STAMP
 from etnet.events.formats.frames import Frames, found_frames
@@ -59,12 +59,13 @@ def chunks_of(members: tuple[str, ...]) -> tuple[str, list[str]] | None:
 
 
 def _is_chunked(request: Request) -> bool:
-    """Whether there are events in the first piece and later ones in the second, which may be a recording of its own.
+    """Whether numbered files are pieces. npz and npy are in any case: where they are not, opening them tells why."""
+    return (request.path.is_dir() or request.suffix == ".zip") and are_pieces(request, trusts_names=True)
 
-    npz and npy are pieces in any case: where they are not, opening them tells why.
-    """
-    if not request.path.is_dir() and request.suffix != ".zip":
-        return False
+
+def are_pieces(request: Request, trusts_names: bool = False) -> bool:
+    """Whether there are events in the first numbered file and later ones in the second, which may be a recording of
+    its own. Where names are trusted, the first npz or npy suffices, and one that is too large to be looked into."""
     found = chunks_of(request.members)
     if found is None:
         return False
@@ -74,17 +75,20 @@ def _is_chunked(request: Request) -> bool:
         with ExitStack() as briefly:
             inner = replace(request, resources=briefly)
             try:
-                piece = _part(inner, _store(inner), member)
+                store = _store(inner)
+                if not trusts_names and _kind(member) not in ("h5", "hdf5") and store.size(member) > MAX_SMALL_FILE:
+                    return False
+                piece = _part(inner, store, member)
                 if piece is None:
                     return False
                 offset = piece.offset if number == 0 else offset
                 last = _check_begins_after(piece, last, member, request, offset)
             except TooLarge:
-                # It is a piece all the same, and opening it tells the remedy.
-                return True
+                # By its name it is a piece all the same, and opening it tells the remedy.
+                return trusts_names
             except RecordingError:
                 return False
-        if _kind(member) in ("npz", "npy"):
+        if trusts_names and _kind(member) in ("npz", "npy"):
             return True
     return True
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
@@ -27,6 +28,9 @@ from etnet.events.formats.frames import Frames
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
 _LISTS = re.compile(r"^((images?|frames?|pictures?|rgb|aps|img)?_?(list|ts|times?|(time_?)?stamps?)?)\.(txt|csv)$")
+OWN_FRAMES = ".etnet-frames"
+"""Beside frames that `etnet reconstruct` wrote, and their stamps: no camera took them."""
+_OWN = re.compile(r"(frames|cam0)/[^/]*\.png|stamps\.csv")
 _NO_PICTURES = ("flow", "depth", "mask", "label", "disparity", "visual", "plot")
 _FEWEST_DIGITS = 10
 """Of a picture's name that is its stamp; a number that counts pictures is shorter."""
@@ -44,12 +48,12 @@ class _List:
 
 def pictures_beside(store: Store, prefix: str, label: str, remarks: Remarks, max_pixels: int) -> Frames | None:
     """The pictures under `prefix` ("" or "a/b/") with their stamps; what cannot be shown is said."""
-    inside = [name for name in store.names() if name.startswith(prefix)]
+    inside = [name for name in _without_own(store.names()) if name.startswith(prefix)]
     folders: dict[str, list[str]] = defaultdict(list)
     for name in inside:
         if name.lower().endswith(PICTURES) and not _is_computed(name, prefix):
             folders[name.rpartition("/")[0]].append(name)
-    lists = [name for name in inside if _LISTS.match(name.rpartition("/")[2].lower())]
+    lists = [name for name in inside if is_list(name.rpartition("/")[2])]
     # A recording's folder may be called "depth", and then all that is in it.
     lists = [name for name in lists if not _is_computed(name, prefix)] or lists
     for member in sorted(lists, key=lambda name: (name.count("/"), not name.endswith("images.txt"), name)):
@@ -58,6 +62,20 @@ def pictures_beside(store: Store, prefix: str, label: str, remarks: Remarks, max
         if files is not None:
             return _frames(store, files[0], files[1], listed.unit, label, max_pixels)
     return _by_name(store, folders, label, remarks, max_pixels)
+
+
+def is_list(name: str) -> bool:
+    """Whether a file's name is one that lists of pictures have: it holds no events."""
+    return _LISTS.match(name.lower()) is not None
+
+
+def _without_own(names: Sequence[str]) -> list[str]:
+    own = [name.removesuffix(OWN_FRAMES) for name in names if name.rpartition("/")[2] == OWN_FRAMES]
+    return [
+        name
+        for name in names
+        if not any(name.startswith(folder) and _OWN.fullmatch(name[len(folder) :]) for folder in own)
+    ]
 
 
 def _is_computed(name: str, prefix: str) -> bool:
