@@ -21,7 +21,7 @@ from app.engine.playbacks import Library, LoadedPlayback, Loader, PlaybackCache,
 from app.engine.prefetch import Prefetcher
 from app.engine.published import PlaybackCached, Published, RecentFrames, Thumbnails
 from app.engine.queue import SHORT, Deliver, PendingRequest, RequestQueue
-from app.engine.replies import array_of, check_step, cold_frame, hand_over, ready_of
+from app.engine.replies import array_of, cold_frame, hand_over, ready_of
 from app.engine.requests import EngineStatus, Failed, FrameRequest, Precision, Ready, Reply, Working
 from etnet.errors import Cancelled, RecordingError, WindowError
 
@@ -70,9 +70,9 @@ class Engine:
         self._kept = None if disk is None else KeptFrames(library, disk, keeps, device, threads)
         self._gentle: GentleImport | None = GentleImport(COMING)
         disk_for = nowhere if self._kept is None else self._kept.disk_for
-        self._playbacks = PlaybackCache(library, budget_bytes, device, threads, load, disk_for, tunes)
+        about = library, budget_bytes, device, threads, load, disk_for, tunes, longest_step
+        self._playbacks = PlaybackCache(*about, self._note_made)
         self.cleaned = self._playbacks.cleaned
-        self._longest_step = longest_step
         self._book = RequestQueue()
         self._jobs = JobQueue(self._playbacks, self._book.changed)
         self._prefetcher = Prefetcher(self._playbacks, self._book) if prefetches else None
@@ -218,7 +218,6 @@ class Engine:
         loaded.wait()
         loaded.pace.note_whole((time.perf_counter() - began) * 1000)
         loaded.state_bytes = step.state.nbytes
-        self._published.tell_pace(request, loaded)
         self._recent.keep(ready_of(loaded, request, step.frame, None, began))
         self._published.tell(request, loaded, at_once=False)
 
@@ -278,17 +277,19 @@ class Engine:
                 loaded = self._playbacks.loaded(request)
             finally:
                 self._is_loading = False
-            if self._kept is not None:
-                self._kept.learn(request, loaded)
-            self._recent.keep_contract(request.playback, loaded.contract)
-            self._note_precision(request.model_id, request.precision)
-            self._published.tell_pace(request, loaded)
-            self._published.keep_only(self._playbacks.held_keys())
             if loaded.expected_step > SLOW_STEP:
                 size, seconds = loaded.playback.recording.sensor, loaded.expected_step / 1000
                 self._say(turn, Working(request, 0, 0, f"an image of {size} takes about {seconds:.0f} s here"))
-        check_step(loaded, self._longest_step)
         return self._playbacks.reaching(request)
+
+    def _note_made(self, request: FrameRequest, loaded: LoadedPlayback) -> None:
+        """A playback is there, whether for a request, a job or a live window."""
+        if self._kept is not None:
+            self._kept.learn(request, loaded)
+        self._recent.keep_contract(request.playback, loaded.contract)
+        self._note_precision(request.model_id, request.precision)
+        self._published.tell_pace(request, loaded)
+        self._published.keep_only(self._playbacks.held_keys())
 
     def _forget_recording(self, recording_id: str) -> None:
         self._playbacks.forget(recording_id)

@@ -18,6 +18,7 @@ from app.catalogue.recording_id import is_of
 from app.engine.denoised import CleanedRecordings
 from app.engine.pace import Pace
 from app.engine.requests import FrameKey, FrameRequest, PlaybackKey
+from app.engine.trial import check_step, expected_step, trial_milliseconds
 from app.engine.warmth import SPARSEST, sparsest_of, windows_seen
 from etnet.byte_cache import ByteCache
 from etnet.errors import ModelError, WindowError
@@ -45,16 +46,16 @@ ATTENTION_SHARE = 0.125
 
 BRANCH_SHARE = 4
 """A change that is carried on takes this part of its playback's budget."""
-_TRIAL_HEIGHT, _TRIAL_WIDTH = 96, 128
-_GROWTH = 1.2
-"""A step's time grows with this power of the pixels: 1.1 (half width) … 1.3 measured from 240×184 to 352×264."""
+FEW_STATES = 8
+"""So many states' bytes are left to a playback that was put away: a job may still go on in it."""
 
 SCORE_BYTES = 4 << 20
 Scores = ByteCache[tuple[FrameRequest, object, str, "int | None"], Mapping[str, float]]
 """Values by what they depend on: the frame, the contract, the protocol's rule and the camera frame."""
 Loader = Callable[[ModelEntry, str, str], Any]
 """(model entry, precision, device) → a reconstructor that is ready to run."""
-
+Made = Callable[[FrameRequest, "LoadedPlayback"], None]
+"""Told the playback that was made, and for which request."""
 
 DiskFor = Callable[[FrameRequest], "DiskCache | None"]
 """Where the playback of a request keeps its frames between two runs; `None`: nowhere."""
@@ -180,6 +181,14 @@ class LoadedPlayback:
         if self.branch is not None:
             self.branch[1].budget_bytes = for_branch
 
+    def put_away(self) -> None:
+        """Give its share of the budget back, but for what a job that goes on in it needs from window to window."""
+        held = self.playback.cached()
+        num_states = sum(len(states) for states in held.states)
+        state_bytes = self.state_bytes or (held.nbytes // num_states if num_states else self.budget_bytes)
+        few = FEW_STATES * state_bytes * (BRANCH_SHARE if self.branch else 1)
+        self.budget_bytes = min(self.budget_bytes, few)
+
     @property
     def windows(self) -> Sequence[Window]:
         """The windows it plays."""
@@ -212,8 +221,13 @@ class PlaybackCache:
         load: Loader | None = None,
         disk_for: DiskFor = nowhere,
         tunes: bool = False,
+        longest_step: float | None = None,
+        made: Made = lambda request, loaded: None,
     ) -> None:
-        """`tunes`: networks run with the kernels that were measured to be fastest here."""
+        """`tunes`: networks run with the kernels that were measured to be fastest here. No playback is made where a
+        step is expected to take more than `longest_step` ms. `made` is told of every one that is, whoever needs it.
+        """
+        self._longest_step, self._tell_made = longest_step, made
         self._library, self._disk_for, self._tunes = library, disk_for, tunes
         self._untried: tuple[Any, int, int] | None = None
         self._budget_bytes, self._device, self._threads = budget_bytes, device, threads
@@ -243,7 +257,7 @@ class PlaybackCache:
         key = (model_id, precision)
         if key not in self._models:
             model = self._load(self._library.model(model_id), precision, self._device)
-            self._models[key] = (model, _trial_milliseconds(model))
+            self._models[key] = (model, trial_milliseconds(model))
             while len(self._models) > KEPT_MODELS:
                 gone, _ = self._models.popitem(last=False)
                 self._let_go([name for name in self._stages if name.network == gone])
@@ -258,6 +272,7 @@ class PlaybackCache:
             self.version += 1
             self._let_go(list(self._stages)[:-KEPT_PLAYBACKS])
             self._divide()
+            self._tell_made(request, self._stages[key])
         self._stages.move_to_end(key)
         self._stages[key].grow(request)
         return self._stages[key]
@@ -306,17 +321,17 @@ class PlaybackCache:
         if not windows:
             raise WindowError(f"{recording.name}: holds no events, so there is nothing to reconstruct")
         model, trial = self.model(request.model_id, request.precision)
+        expected = expected_step(trial, recording.sensor)
+        check_step(expected, recording.sensor, self._longest_step)
         self._tune(model, request, recording)
         is_cut = isinstance(recording, CutRecording)
         first = _first_held(recording, windows)
         disk = None if is_cut else self._disk_for(request)
         playback = Playback(model, recording, windows, self._budget_bytes, disk, first=first)
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
-        growth = (recording.sensor.num_pixels / (_TRIAL_HEIGHT * _TRIAL_WIDTH)) ** _GROWTH
         sparsest = sparsest_of(self._library.model(request.model_id).trained_band)
-        pace, expected = Pace(), trial * growth
         return LoadedPlayback(
-            playback, contract_of(model), warm_up, pace, expected, 0, sparsest, self._scores, self.loaded
+            playback, contract_of(model), warm_up, Pace(), expected, 0, sparsest, self._scores, self.loaded
         )
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:
@@ -348,7 +363,7 @@ class PlaybackCache:
 
     def _let_go(self, keys: Sequence[PlaybackKey]) -> None:
         for key in keys:
-            del self._stages[key]
+            self._stages.pop(key).put_away()
             self._attention.forget(lambda frame, of=key: frame[0] == of)
         if keys:
             self.version += 1
@@ -370,22 +385,3 @@ def load_network(entry: ModelEntry, precision: str, device: str) -> Any:
         network.name = entry.title  # one name, in the list and in every inspector
         return network
     return load_model(entry.source, device, precision)  # pyright: ignore[reportArgumentType]  "fp32", "bf16", "auto"
-
-
-def _trial_milliseconds(model: Any) -> float:
-    """A step over an empty 128×96 window, after one that is not counted, ms."""
-    import torch
-
-    from etnet.nets.precision import best_of
-    from etnet.nets.runtime import device_of, wait_for
-
-    device = device_of(model)
-    voxel = torch.zeros(1, model.bins, _TRIAL_HEIGHT, _TRIAL_WIDTH, device=device)
-
-    def step() -> None:
-        pyramid, _ = model.encode(voxel, None, ORIGINAL)
-        model.decode(pyramid, None, ORIGINAL)
-        wait_for(device)
-
-    with torch.inference_mode():
-        return best_of(step, runs=1) * 1000

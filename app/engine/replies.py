@@ -103,12 +103,3 @@ def hand_over(turn: PendingRequest, reply: Reply) -> None:
         turn.deliver(reply)
     except Exception:
         _log.info("a reply could not be delivered to %s", turn.visitor, exc_info=True)
-
-
-def check_step(loaded: LoadedPlayback, longest: float | None) -> None:
-    """A step expected to take longer than `longest` (ms; `None`: any) is a `WindowError`: nothing can stop it."""
-    if longest is not None and loaded.expected_step > longest:
-        raise WindowError(
-            f"an image of {loaded.playback.recording.sensor} would take about {loaded.expected_step / 1000:.0f} s here,"
-            f" at most {longest / 1000:.0f} s are given to one; start the viewer with --downsample 4 or --roi"
-        )

@@ -58,6 +58,7 @@ class Seat:
             policy=led.policy,
             cleaning=led.cleaning,
             index=led.index,
+            follows_newest=led.follows_newest,
             moment=None,
             is_playing=False,
         )
@@ -142,4 +143,5 @@ def _moment_of(state: ViewState) -> ViewState:
         policy=state.policy,
         cleaning=state.cleaning,
         index=state.index,
+        follows_newest=state.follows_newest,
     )

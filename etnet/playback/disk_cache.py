@@ -149,6 +149,10 @@ class DiskCache:
                 break
             path.unlink(missing_ok=True)
             self._nbytes -= size
+            with self._lock:
+                run = self._runs.get(path.parent.name)
+            if run is not None:
+                run.note_gone(path.name)
         for folder in _folders(self.folder):
             if not any(folder.glob(f"*{_FRAME}")) and not any(folder.glob(f"*{_STATE}")):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -192,6 +196,8 @@ class RunCache:
         if index not in self._frames:
             return None
         payload = _payload(self._folder / f"{index}{_FRAME}")
+        if payload is None:
+            self._frames.discard(index)
         try:
             arrays = [] if payload is None else list(load(payload).values())
         except (SafetensorError, ValueError, KeyError, TypeError):
@@ -219,6 +225,12 @@ class RunCache:
         """Keep a state if it is one of every `STATE_SPACING`; it is written later."""
         if index % STATE_SPACING == STATE_SPACING - 1 and index not in self._states:
             self._later(self._states, index, _STATE, state.tensors)
+
+    def note_gone(self, name: str) -> None:
+        """One of its files has made room for others: what was in it is not held any more."""
+        for held, suffix in ((self._frames, _FRAME), (self._states, _STATE)):
+            if name.endswith(suffix):
+                held.discard(int(name[: -len(suffix)]))
 
     def _later(self, held: set[int], index: int, suffix: str, tensors: tuple[Tensor, ...]) -> None:
         def write() -> int:

@@ -245,6 +245,38 @@ def test_the_budget_holds_and_the_least_recently_used_go_first(tmp_path):
     assert new.frame(77) is None
 
 
+def test_what_made_room_for_others_is_not_said_to_be_held(tmp_path):
+    disk = DiskCache(tmp_path, budget_bytes=40_000)
+    first, second = disk.run("first", "first"), disk.run("second", "second")
+    for index in range(STATE_SPACING + 4):
+        first.put_frame(index, torch.full((1, 1, 20, 30), float(index)))
+        disk.flush()
+        first.put_state(index, State((torch.full((1, 2, 20, 30), float(index)),)))
+        disk.flush()
+    assert first.states == {STATE_SPACING - 1}
+    for index in range(20):
+        second.put_frame(index, torch.full((1, 1, 20, 30), float(index)))
+        disk.flush()
+    for run, name in ((first, "first"), (second, "second")):
+        assert run.frames == {int(path.stem) for path in (tmp_path / name).glob("*.frame")}
+        assert run.states == {int(path.stem) for path in (tmp_path / name).glob("*.state")}
+    assert 0 not in second.frames
+    second.put_frame(0, torch.zeros(1, 1, 20, 30))  # once more: it is made and kept again
+    disk.flush()
+    assert 0 in second.frames
+
+
+def test_a_frame_whose_file_is_gone_is_not_held_once_it_was_looked_for(tmp_path):
+    disk = DiskCache(tmp_path)
+    run = disk.run("key", "title")
+    run.put_frame(2, torch.zeros(1, 1, 20, 30))
+    disk.flush()
+    assert run.frames == {2}
+    (tmp_path / "key" / "2.frame").unlink()
+    assert run.frame_array(2) is None
+    assert run.frames == frozenset()
+
+
 def test_a_state_comes_back_in_its_dtype_and_memory_format(tmp_path):
     disk = DiskCache(tmp_path)
     run = disk.run("key", "title")

@@ -181,6 +181,22 @@ def test_what_cannot_be_answered_is_said(engine, job, words):
     assert not result.is_whole
 
 
+def test_a_job_begins_no_step_that_would_take_too_long(make_engine, shelf):
+    notes = Notes()
+    make_engine(longest_step=1e-6).job("ada", "slot", Counting(request(3)), notes)
+    _, result = notes.wait(lambda reply: reply[1].trouble)
+    assert "would take about" in result.trouble
+    assert shelf.model_instance.encodes == 0
+
+
+def test_a_playback_that_a_job_needs_first_is_told_as_a_requests_is(engine):
+    notes = Notes()
+    engine.job("ada", "slot", Counting(request(3)), notes)
+    notes.whole()
+    assert engine._published.pace(request(3)) is engine._playbacks.held(request(3)).pace
+    assert engine.status(request(3)).precision == "fp32"
+
+
 class Recorder:
     def __init__(self):
         self.calls = []

@@ -12,13 +12,13 @@ import pytest
 from app.catalogue.models import ModelEntry
 from app.engine.engine import Engine
 from app.engine.kept_frames import as_ranges
-from app.engine.requests import Ready
+from app.engine.requests import FrameRequest, Ready
 from etnet.events.denoise import Cleaning
 from etnet.events.events import Sensor
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, default_runtime
 from etnet.playback.disk_cache import DiskCache
-from tests.app.fakes import CountingModel, Inbox, Shelf, hold, recording_of, request, sequential
+from tests.app.fakes import CountingModel, Inbox, Notes, Shelf, hold, recording_of, request, sequential
 
 NUM_WINDOWS = 40
 
@@ -190,6 +190,28 @@ def test_another_run_finds_nothing(start, weights, change):
     wanted = request(5, cleaning=Cleaning(support_within=5000)) if change == "cleaning" else request(5)
     engine._kept.name(wanted)
     assert engine._kept.find(wanted) is None
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A job that makes one frame."""
+
+    request: FrameRequest
+
+    def run(self, loaded, cancelled):
+        loaded.playback.at(self.request.index, cancelled=cancelled)
+        yield True, 1.0
+
+
+def test_what_a_job_made_before_any_request_is_found_at_the_next_start(start):
+    engine, shelf, disk = start()
+    engine.job("ada", "slot", Frame(request(5)), notes := Notes())
+    notes.whole()
+    disk.flush()
+    engine.stop()
+    engine, _, _ = start()
+    engine._kept.name(request(5))
+    assert np.array_equal(engine._kept.find(request(5)).frame, sequential(shelf, 5))
 
 
 def test_what_a_visitor_uploads_is_not_kept(start, tmp_path):

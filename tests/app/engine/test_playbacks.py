@@ -142,3 +142,32 @@ def test_a_change_in_the_newest_window_of_a_growing_recording_stays_in_that_wind
     assert loaded.budget_bytes == budget
     assert [changed.intervention_at(index) for index in (newest, newest + 1)] == [zeroed, ORIGINAL]
     assert not torch.equal(changed.at(newest + 1).frame, playback.at(newest + 1).frame)  # what its memory carries on
+
+
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_a_playback_that_was_put_away_gives_its_bytes_back_and_a_job_goes_on_in_it_step_by_step(is_measured):
+    shelf = Shelf()
+    playbacks = PlaybackCache(shelf, 64 << 20, "cpu", None, shelf.load)
+    loaded = playbacks.loaded(request(0))
+    step = loaded.playback.at(30)
+    loaded.state_bytes = step.state.nbytes if is_measured else 0
+    former = loaded.budget_bytes
+    assert playbacks.anew(request(0)) is not loaded
+    assert loaded.playback.cached().nbytes <= loaded.budget_bytes < former / 100
+    encodes = shelf.model_instance.encodes
+    for index in range(31, 40):
+        loaded.playback.at(index)
+    assert shelf.model_instance.encodes == encodes + 9
+
+
+def test_the_budget_of_a_playback_that_was_put_away_leaves_room_for_its_change():
+    shelf = Shelf()
+    playbacks = PlaybackCache(shelf, 64 << 20, "cpu", None, shelf.load)
+    loaded, zeroed = playbacks.loaded(request(0)), Intervention(zeroed_levels=frozenset({1}))
+    branch, _ = loaded.playing(replace(request(20), intervention=zeroed, since=10))
+    loaded.state_bytes = branch.at(30).state.nbytes
+    playbacks.anew(request(0))
+    encodes = shelf.model_instance.encodes
+    for index in range(31, 40):
+        branch.at(index)
+    assert shelf.model_instance.encodes == encodes + 9

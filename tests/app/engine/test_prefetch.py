@@ -4,10 +4,12 @@ import threading
 import time
 
 import numpy as np
+import pytest
 
 from app.engine.playbacks import PlaybackCache
 from app.engine.prefetch import Prefetcher, windows_ahead
 from app.engine.queue import RequestQueue
+from etnet.errors import WindowError
 from tests.app.fakes import Inbox, hold, request, sequential
 
 
@@ -117,3 +119,14 @@ def test_what_comes_next_is_planned_once_for_each_request_and_playback(shelf):
     book.drop("ada")
     assert not prefetcher.has_work()
     assert book.num_asked == 3
+
+
+def test_where_a_step_would_take_too_long_nothing_is_prepared(shelf):
+    book, playbacks = RequestQueue(), PlaybackCache(shelf, 64 << 20, "cpu", 1, shelf.load, longest_step=1e-6)
+    prefetcher = Prefetcher(playbacks, book)
+    book.put("ada", request(3), lambda reply: None)
+    for _ in range(2):
+        with pytest.raises(WindowError, match="would take about"):
+            playbacks.loaded(request(3))
+        assert not prefetcher.has_work()
+    assert playbacks.held_keys() == frozenset()

@@ -11,6 +11,7 @@ from app.engine.denoised import CleanedRecordings
 from app.session import presentation
 from app.session.loader import Opened, Plan, RecordingLoader
 from app.session.presentation import RELOADS_WITHIN, Presentation
+from app.state.intents import FollowNewest
 from app.state.view_state import ViewState
 from etnet.live.buffer import Extent
 from etnet.windows import BetweenFrames, ByCount, plan_windows
@@ -38,6 +39,28 @@ def test_a_follower_has_the_leaders_moment_and_keeps_its_own_pointer_and_workspa
     follower.show(own)
     assert leader.following(leader.following(STATE)) is STATE
     assert (leader.words, follower.words) == ("Presenting to 1 page", "Following the presenter")
+
+
+def test_of_a_live_source_followers_stay_in_the_past_while_the_presenter_does(room):
+    leader, told = room.join(False, opens), []
+    follower = room.join(False, opens, told.append)
+    leader.show(replace(STATE, index=7))
+    assert follower.following(STATE).follows_newest
+    told.clear()
+    leader.show(replace(STATE, index=7, follows_newest=False))
+    assert len(told) == 1, "stopping is a move, though the window stays"
+    shown = follower.following(replace(STATE, index=7))
+    assert (shown.index, shown.follows_newest) == (7, False)
+    held = RecordingLoader(Shelf(), CleanedRecordings(), print)
+    policy, extent = ByCount(100), lambda: Extent(6000, 0, 0, 300_000, 0, 300_000, range(0))
+    windows = plan_windows(recording(), policy)
+    longer = with_cut(recording(), policy, windows, extent)
+    cut = with_cut(recording(), policy, windows[:8], extent, lambda: longer)
+    for state, follows in ((STATE, FollowNewest()), (shown, None)):
+        held._opened = Opened(Plan("a", policy), policy, cut, windows[:8])
+        assert held.grow(state) == (True, follows)
+    leader.show(replace(STATE, index=9))
+    assert follower.following(shown).follows_newest
 
 
 def test_what_a_follower_may_not_open_leaves_it_where_it_is(room):
