@@ -253,8 +253,8 @@ def _range_of(order: Order, loaded: LoadedPlayback) -> tuple[int, int]:
         found = windows_between(loaded.windows, *order.marks) or range(num_windows)
         return found.start, found.stop - 1
     first = 0 if wanted.first is None else max(wanted.first, 0)
-    last = num_windows - 1 if wanted.last is None else max(wanted.last, first)
-    if max(first, last) >= num_windows:
+    last = max(num_windows - 1 if wanted.last is None else wanted.last, first)
+    if last >= num_windows:
         raise WindowError(
             f"windows {first} – {last} were ordered; there are 0 – {num_windows - 1}; set the marks anew, then order it"
         )
