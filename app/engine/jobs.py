@@ -75,6 +75,8 @@ class _Entry:
     tell: Tell
     answers: Iterator[tuple[object, float]] | None = None
     newest: tuple[object, float] = (None, 0.0)
+    is_of_part: bool = False
+    """Whether the recording was still being made when it began."""
     has_begun_anew: bool = False
 
 
@@ -166,8 +168,9 @@ class JobQueue:
     def _advance(self, key: tuple[str, str], entry: _Entry) -> None:
         if entry.answers is None:
             self._playbacks.start()
-            loaded = self._playbacks.reaching(entry.job.request)
+            loaded = self._playbacks.whole(entry.job.request)
             _check_index(entry.job.request, loaded)
+            entry.is_of_part = loaded.playback.recording.latest is not None
             entry.answers = entry.job.run(loaded, lambda: self._must_yield() or not self._holds(key, entry))
         answer = next(entry.answers, None)
         if answer is not None:
@@ -178,7 +181,9 @@ class JobQueue:
                 return
         value, _ = entry.newest
         result = JobResult(entry.job, value, 1.0, is_whole=True)
-        if self._playbacks.held(entry.job.request) is not None:  # of what is forgotten no answer is kept
+        # Of what is forgotten no answer is kept, nor a file of what is longer when it is ordered again.
+        is_outgrown = entry.is_of_part and is_ordered(entry.job)
+        if self._playbacks.held(entry.job.request) is not None and not is_outgrown:
             self._kept.keep(result.job, result, num_bytes(value))
         self._settle(key, entry, result)
 

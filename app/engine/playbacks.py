@@ -8,7 +8,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -94,7 +94,7 @@ class LoadedPlayback:
     scores: Scores = field(default_factory=lambda: ByteCache(SCORE_BYTES))
     """How good its frames are, of all playbacks: a strip that is asked for again continues."""
     beside: Callable[[FrameRequest], LoadedPlayback] | None = None
-    """The playback of another request, for a job about several runs; asked on the engine's thread."""
+    """The whole playback of another request, for a job about several runs; asked on the engine's thread."""
     branch: tuple[tuple[int, Intervention, EventEdit, bool], Playback] | None = None
     """What was changed last in the memory or the events, and the playback that carries it: one for all visitors."""
 
@@ -277,6 +277,12 @@ class PlaybackCache:
         self._stages[key].grow(request)
         return self._stages[key]
 
+    def whole(self, request: FrameRequest) -> LoadedPlayback:
+        """The same with all windows that there are by now, however far the request's own lies from the last one."""
+        loaded = self.reaching(request)
+        loaded.grow(replace(request, index=len(loaded.windows)))
+        return loaded
+
     def reaching(self, request: FrameRequest) -> LoadedPlayback:
         """The same; one that cannot come to the newest windows any more, for events on the way have left the buffer,
         begins again from a cold start."""
@@ -331,7 +337,7 @@ class PlaybackCache:
         warm_up = self._library.model(request.model_id).warm_up or WARM_UP
         sparsest = sparsest_of(self._library.model(request.model_id).trained_band)
         return LoadedPlayback(
-            playback, contract_of(model), warm_up, Pace(), expected, 0, sparsest, self._scores, self.loaded
+            playback, contract_of(model), warm_up, Pace(), expected, 0, sparsest, self._scores, self.whole
         )
 
     def _tune(self, model: Any, request: FrameRequest, recording: Recording) -> None:

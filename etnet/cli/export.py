@@ -158,6 +158,8 @@ class Onnx:
     """A bundled model's name, or a weights file."""
     size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None
     """Also one graph for a whole step at this sensor size, e.g. 240x180."""
+    overwrite: bool = False
+    """Replace graphs that are there."""
 
 
 Export = (
@@ -206,7 +208,11 @@ def _check_out(config: Source) -> None:
     out = config.out
     is_there = any(out.iterdir()) if out.is_dir() else out.exists()
     if is_there and not config.overwrite:
-        raise EtnetError(f"{out}: is there already; give another name, or --overwrite")
+        raise _is_there(out)
+
+
+def _is_there(path: Path) -> EtnetError:
+    return EtnetError(f"{path}: is there already; give another name, or --overwrite")
 
 
 def chosen_range(config: Source, recording: Recording, windows: Sequence[Window]) -> tuple[int, int]:
@@ -220,10 +226,13 @@ def chosen_range(config: Source, recording: Recording, windows: Sequence[Window]
 
 
 def _write_onnx(config: Onnx) -> int:
-    from etnet.export.onnx_graphs import write_graphs
+    from etnet.export.onnx_graphs import graph_files, write_graphs
     from etnet.nets.weights import load_model
 
     size = None if config.size is None else parse_size(config.size)
+    former = [path for path in graph_files(config.out, size) if path.exists()]
+    if former and not config.overwrite:
+        raise _is_there(former[0])
     for path in write_graphs(load_model(config.model), config.out, size):
         console.print(f"wrote {path}", markup=False, soft_wrap=True)
     return 0

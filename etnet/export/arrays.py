@@ -14,7 +14,7 @@ from typing import IO, Any, Literal, Protocol
 import numpy as np
 from torch import Tensor
 
-from etnet.errors import EtnetError, ModelError
+from etnet.errors import Cancelled, EtnetError, ModelError
 from etnet.export.take import IsCancelled, Moment, Progress, Take
 from etnet.files import replacing, working_folder
 from etnet.nets.attention import AttentionProbe
@@ -22,6 +22,8 @@ from etnet.nets.padding import TokenGrid
 from etnet.reconstruction import window_voxel
 
 ArrayName = Literal["frames", "voxels", "camera", "attention", "states"]
+BLOCK = 1 << 20
+"""Bytes that are packed between two questions whether the file is still wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +62,12 @@ def write_arrays(
     choice: ArraysChoice,
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
+    changed: str = "",
 ) -> int:
     """One array a name, first axis the window; `window`, `t_start_us`, `t_stop_us` say which. .npz or .h5 by suffix.
 
     "attention/<site>" is "n queries heads tokens", rows that sum to 1; "state/<i>" the memory after the window.
+    `changed`: what is done to the network or its events in the take's steps, in words, for the file's facts.
     """
     facts = {
         "recording": take.recording.name,
@@ -71,7 +75,8 @@ def write_arrays(
         "model": take.playback.model.name,
         "queries": [list(query) for query in choice.queries],
     }
-    with _opened(path, len(take), facts) as append:
+    facts |= {"changed": changed} if changed else {}
+    with _opened(path, len(take), facts, is_cancelled) as append:
         for moment in take.moments(choice.probe, progress, is_cancelled):
             append("window", np.array(moment.window.index, np.int64))
             append("t_start_us", np.array(moment.window.t_start, np.int64))
@@ -114,16 +119,18 @@ def _numpy(tensor: Tensor) -> np.ndarray:
     return tensor.float().cpu().numpy()
 
 
-def _opened(path: Path, length: int, facts: Mapping[str, Any]) -> AbstractContextManager[ArraySink]:
+def _opened(
+    path: Path, length: int, facts: Mapping[str, Any], is_cancelled: IsCancelled | None
+) -> AbstractContextManager[ArraySink]:
     if path.suffix == ".npz":
-        return _npz(path, length, facts)
+        return _npz(path, length, facts, is_cancelled)
     if path.suffix in (".h5", ".hdf5"):
-        return _hdf5(path, length, facts)
+        return _hdf5(path, length, facts, is_cancelled)
     raise EtnetError(f"{path.name}: arrays are written as .npz or .h5; give the file one of these endings")
 
 
 @contextmanager
-def _npz(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySink]:
+def _npz(path: Path, length: int, facts: Mapping[str, Any], is_cancelled: IsCancelled | None) -> Generator[ArraySink]:
     """Rows go to files of a folder beside the target, which are then packed: memory stays flat.
 
     Each row is written and not mapped: a disk that is full is then an error, and no signal that ends the process.
@@ -149,13 +156,17 @@ def _npz(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySi
                 file.truncate(file.tell() + left[name])  # rows that never came are zeros
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             for i, name in enumerate(files):
-                archive.write(folder / f"{i}.npy", f"{name}.npy")
+                packing = archive.open(f"{name}.npy", "w", force_zip64=True)
+                with (folder / f"{i}.npy").open("rb") as rows, packing as member:
+                    while block := rows.read(BLOCK):
+                        _check_wanted(path, is_cancelled)
+                        member.write(block)
             with archive.open("facts.npy", "w") as file:
                 np.lib.format.write_array(file, np.array(json.dumps(facts)))
 
 
 @contextmanager
-def _hdf5(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArraySink]:
+def _hdf5(path: Path, length: int, facts: Mapping[str, Any], is_cancelled: IsCancelled | None) -> Generator[ArraySink]:
     """Rows of an HDF5 file, which are read again before it takes its place: on a full disk HDF5 may say nothing."""
     from etnet.events.formats.hdf5.writing import hdf5_to_write
 
@@ -175,10 +186,15 @@ def _hdf5(path: Path, length: int, facts: Mapping[str, Any]) -> Generator[ArrayS
                 file.check()
 
             yield sink
-        _verify(beside, path, sums)
+        _verify(beside, path, sums, is_cancelled)
 
 
-def _verify(written: Path, path: Path, sums: Mapping[str, Sequence[int]]) -> None:
+def _check_wanted(path: Path, is_cancelled: IsCancelled | None) -> None:
+    if is_cancelled is not None and is_cancelled():
+        raise Cancelled(f"{path.name}: export was stopped while its arrays were packed")
+
+
+def _verify(written: Path, path: Path, sums: Mapping[str, Sequence[int]], is_cancelled: IsCancelled | None) -> None:
     """An error unless every row is there as it was handed over."""
     import h5py
 
@@ -186,6 +202,7 @@ def _verify(written: Path, path: Path, sums: Mapping[str, Sequence[int]]) -> Non
         with h5py.File(written, "r") as file:
             for name, expected in sums.items():
                 for i, checksum in enumerate(expected):
+                    _check_wanted(path, is_cancelled)
                     row: Any = file[name][i]  # pyright: ignore[reportIndexIssue]
                     if zlib.crc32(np.ascontiguousarray(row).tobytes()) != checksum:
                         raise OSError(f"row {i} of {name} is not what was written")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from etnet.export.images import write_png
 from etnet.export.pictures import Look, draw
 from etnet.export.take import IsCancelled, Progress, Take
 from etnet.files import write_atomically
+
+STAMPS = "stamps.csv"
+_NAME = re.compile(r"frame_\d{6,}\.png")
 
 
 def write_frames(
@@ -19,14 +23,25 @@ def write_frames(
 ) -> int:
     """`frame_000000.png` … numbered by window, and `stamps.csv`; each file whole or not at all.
 
-    The table is written last: a folder without it was stopped.
+    Those of a former take go once the first new picture is drawn. The table is written last: a folder without it was
+    stopped.
     """
     folder.mkdir(parents=True, exist_ok=True)
     stamps = ["frame,t_stop_us,t_start_us,num_events"]
     for moment in take.moments(progress=progress, is_cancelled=is_cancelled):
         picture = draw(moment, look, len(take.playback))
         window = moment.window
+        if len(stamps) == 1:
+            _make_room(folder)
         write_png(folder / f"frame_{window.index:06d}.png", picture)
         stamps.append(f"{window.index},{window.t_stop},{window.t_start},{window.num_events}")
-    write_atomically(folder / "stamps.csv", ("\n".join(stamps) + "\n").encode())
+    write_atomically(folder / STAMPS, ("\n".join(stamps) + "\n").encode())
     return len(take)
+
+
+def _make_room(folder: Path) -> None:
+    """Take a former take away, its table first: what is stopped from here on never passes for finished."""
+    former = [folder / STAMPS, *(path for path in folder.iterdir() if _NAME.fullmatch(path.name))]
+    for path in former:
+        if path.is_file() or path.is_symlink():
+            path.unlink()

@@ -90,14 +90,18 @@ def write_graphs(model: Network, folder: Path, size: tuple[int, int] | None = No
     _require_exporter()
     traced = _prepared(model)
     folder.mkdir(parents=True, exist_ok=True)
-    written = [
-        _write(encode_graph(traced), folder / "encode.onnx", model, is_dynamic=True),
-        _write(decode_graph(traced), folder / "decode.onnx", model, is_dynamic=True),
-    ]
+    encode, decode, *step = graph_files(folder, size)
+    _write(encode_graph(traced), encode, model, is_dynamic=True)
+    _write(decode_graph(traced), decode, model, is_dynamic=True)
     if size is not None:
-        path = folder / f"step_{size[1]}x{size[0]}.onnx"
-        written.append(_write(step_graph(traced, size), path, model, is_dynamic=False))
-    return written
+        _write(step_graph(traced, size), step[0], model, is_dynamic=False)
+    return [encode, decode, *step]
+
+
+def graph_files(folder: Path, size: tuple[int, int] | None = None) -> list[Path]:
+    """What `write_graphs` writes, and replaces where it is there."""
+    step = [] if size is None else [f"step_{size[1]}x{size[0]}.onnx"]
+    return [folder / name for name in ("encode.onnx", "decode.onnx", *step)]
 
 
 def encode_graph(model: Network) -> Graph:

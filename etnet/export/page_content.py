@@ -78,6 +78,13 @@ class _Gathered:
     events: list[UInt32[np.ndarray, " n"]] = field(default_factory=list)
     limits: list[float] = field(default_factory=list)
     numbers: list[dict[str, float | int | None]] = field(default_factory=list)
+    picture_bytes: int = 0
+    """What lanes, camera and voxels take."""
+
+    def keep(self, pictures: list[bytes], picture: bytes) -> None:
+        """One more picture, in one of the lists above."""
+        pictures.append(picture)
+        self.picture_bytes += len(picture)
 
 
 def gather(
@@ -88,19 +95,25 @@ def gather(
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
 ) -> Content:
-    """Render the take, under each model, and pack it into `config.budget_bytes`."""
+    """Render the take, under each model, and pack it into `config.budget_bytes`.
+
+    Raises:
+        EtnetError: it does not fit, said as soon as that is known.
+    """
     steps = len(take) * (1 + len(other_models))
     room = int(config.budget_bytes / _ENCODED) - _OWN_BYTES - 60 * len(take)
+    got = _Gathered()
+    _check_room(take, config, got, room)
     factor = _voxel_factor(take, room / len(take))
     sheets = AttentionSheets(query_pixels(take.recording.sensor, config.query_grid))
-    got = _Gathered()
     own: list[bytes] = []
     for moment in take.moments(AttentionProbe(), _shifted(progress, 0, steps), is_cancelled):
-        own.append(_grey(moment.frame, config.gamma))
+        got.keep(own, _grey(moment.frame, config.gamma))
         if moment.camera is not None:
-            got.camera.append(_grey(moment.camera, config.gamma))
+            got.keep(got.camera, _grey(moment.camera, config.gamma))
         voxel, limit = _voxel_picture(take, moment, factor)
-        got.voxels.append(voxel)
+        got.keep(got.voxels, voxel)
+        _check_room(take, config, got, room)
         got.limits.append(limit)
         got.events.append(pack_events(thinned(moment.events, MOST_EVENTS), moment.window.t_start, moment.window.t_stop))
         got.numbers.append(window_numbers(moment))
@@ -109,8 +122,24 @@ def gather(
     for place, model in enumerate(other_models, start=1):
         other = Take(Playback(model, take.recording, take.playback.windows, 64 << 20), take.start, take.stop)
         told = _shifted(progress, place * len(take), steps)
-        got.lanes.append([_grey(moment.frame, config.gamma) for moment in other.moments(None, told, is_cancelled)])
+        lane: list[bytes] = []
+        for moment in other.moments(None, told, is_cancelled):
+            got.keep(lane, _grey(moment.frame, config.gamma))
+            _check_room(take, config, got, room)
+        got.lanes.append(lane)
     return _packed(take, policy, config, other_models, got, sheets, room, factor)
+
+
+def _check_room(take: Take, config: PageConfig, got: _Gathered, room: int) -> None:
+    """An error once the pictures so far leave no room for a few events of each window."""
+    if room - got.picture_bytes >= 4 * FEWEST_EVENTS * len(take):
+        return
+    num_done = len(got.voxels)
+    taken = f" (the pictures of the first {num_done:,} take {in_megabytes(round(got.picture_bytes * _ENCODED))})"
+    raise EtnetError(
+        f"{take.recording.name}: {len(take):,} windows do not fit in {in_megabytes(config.budget_bytes)}"
+        f"{taken if num_done else ''}; take a shorter --range or allow more --megabytes"
+    )
 
 
 def _packed(
@@ -123,14 +152,7 @@ def _packed(
     room: int,
     factor: int,
 ) -> Content:
-    pictures = sum(len(part) for stream in (*got.lanes, got.camera, got.voxels) for part in stream)
-    left = room - pictures
-    if left < 4 * FEWEST_EVENTS * len(take):
-        raise EtnetError(
-            f"{take.recording.name}: the pictures of {len(take)} windows alone take "
-            f"{in_megabytes(round(pictures * _ENCODED))} of {in_megabytes(config.budget_bytes)}; "
-            "take a shorter --range or allow more --megabytes"
-        )
+    left = room - got.picture_bytes
     attention, about_attention = sheets.encoded(left * ATTENTION_SHARE)
     each = max((left - sum(map(len, attention))) // (4 * len(take)), FEWEST_EVENTS)
     events = [packed[_spread(len(packed), each)] for packed in got.events]

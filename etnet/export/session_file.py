@@ -37,8 +37,10 @@ OLDER_FORMAT = "etnet-session-1"
 READ_EVENTS = 1 << 20
 """Events hashed at a time."""
 LARGEST_FILE = 16 << 20
-"""Bytes of a session file: 200,000 frames."""
+"""Bytes of a session file: 239,000 frames."""
 MOST_THREADS = 1024
+HASH_BYTES = 70
+"""Of one frame in the file."""
 _HASH = re.compile(r"[0-9a-f]{64}")
 _POLICIES: dict[str, type[Policy]] = {kind.__name__: kind for kind in get_args(Policy)}
 
@@ -95,9 +97,18 @@ def record_session(
     progress: Progress | None = None,
     is_cancelled: IsCancelled | None = None,
 ) -> Session:
-    """Render the take and write down what made it."""
+    """Render the take and write down what made it.
+
+    Raises:
+        EtnetError: of so many windows no session could be read again.
+    """
     model: Any = take.playback.model
     recording = take.recording
+    if len(take) * HASH_BYTES > LARGEST_FILE:
+        most = LARGEST_FILE // HASH_BYTES
+        raise EtnetError(
+            f"{recording.name}: a session holds {most:,} windows at most, got {len(take):,}; choose a range"
+        )
     return Session(
         recording=recording.path.name if recording.path is not None else recording.name,
         events_sha256=events_sha256(recording),
@@ -207,7 +218,13 @@ def write_session(session: Session, path: Path) -> None:
     """Write a session as JSON, whole or not at all."""
     content = {"format": FORMAT, **dataclasses.asdict(session)}
     content["policy"] = {"kind": type(session.policy).__name__, **dataclasses.asdict(session.policy)}
-    write_atomically(path, (json.dumps(content, indent=1, default=sorted) + "\n").encode())
+    text = (json.dumps(content, indent=1, default=sorted) + "\n").encode()
+    if len(text) > LARGEST_FILE:
+        raise EtnetError(
+            f"{path.name}: comes to {in_megabytes(len(text))}, at most {in_megabytes(LARGEST_FILE)} are read again; "
+            "choose a shorter range"
+        )
+    write_atomically(path, text)
 
 
 def read_session(path: Path) -> Session:

@@ -55,6 +55,31 @@ def test_every_kind_of_export_is_written_from_the_command_line(tmp_path, weights
     assert f"{name}: " in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["encode.onnx", "decode.onnx", "step_61x45.onnx"])
+def test_graphs_of_another_network_stay_unless_they_may_be_replaced(tmp_path, weights, capsys, name):
+    (tmp_path / name).write_bytes(b"of A")
+    line = ["export", "onnx", "-o", str(tmp_path), "--model", str(weights), "--size", "61x45"]
+    assert main(line) == 1
+    assert f"{name}: is there already" in capsys.readouterr().err.replace("\n", "")
+    assert (tmp_path / name).read_bytes() == b"of A"
+    assert [path.name for path in tmp_path.glob("*.onnx")] == [name]
+
+
+def test_frames_that_are_replaced_are_all_replaced_once_there_is_a_new_one(tmp_path, weights, capsys):
+    out = tmp_path / "frames"
+    line = ["export", "frames", SAMPLE, "-o", str(out), "--model", str(weights), "--range"]
+    assert main([*line, "5:8"]) == 0
+    mine = out / "frame_1.png"
+    mine.write_bytes(b"mine")
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert main([*line, "1:3"]) == 1
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert main([*line, "1:3", "--overwrite"]) == 0
+    names = ["frame_000001.png", "frame_000002.png", "frame_1.png", "stamps.csv"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert mine.read_bytes() == b"mine"
+
+
 def test_a_session_is_replayed_and_a_forged_one_is_found_out(tmp_path, weights, capsys):
     out = tmp_path / "s.json"
     assert main(["export", "session", SAMPLE, "-o", str(out), "--model", str(weights), "--range", "1:3"]) == 0

@@ -58,6 +58,21 @@ def test_a_cancelled_export_of_arrays_leaves_nothing(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["a.npz", "a.h5"])
+def test_arrays_that_are_packed_or_read_again_can_be_cancelled_too(tmp_path, name):
+    told = []
+    with pytest.raises(Cancelled, match="packed"):
+        write_arrays(
+            made_up_take(),
+            tmp_path / name,
+            ArraysChoice(),
+            lambda done, total: told.append(done == total),
+            lambda: bool(told) and told[-1],
+        )
+    assert len(told) == NUM_WINDOWS
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_cannot_be_exported_is_said_before_or_by_name(tmp_path):
     with pytest.raises(EtnetError, match=r"\.npz or \.h5"):
         write_arrays(made_up_take(), tmp_path / "a.txt", ArraysChoice())

@@ -17,7 +17,7 @@ from etnet.export.page_attention import chosen_sites, query_pixels
 from etnet.export.page_content import event_shift, gather, pack_events, thinned
 from etnet.export.take import Take
 from etnet.playback.playback import Playback
-from etnet.windows import BetweenFrames, ByCount, plan_windows
+from etnet.windows import BetweenFrames, ByCount, ByDuration, plan_windows
 from tests.export.recordings_made_up import NUM_WINDOWS, made_up_model, made_up_recording, made_up_take
 
 HOSTILE = "</script><script>alert('&\"\u2028')</script><!-- {{data}} {{policy}}"
@@ -140,6 +140,19 @@ def test_a_page_keeps_to_its_budget_by_thinning_events_and_maps(tmp_path):
     with pytest.raises(EtnetError, match="--range"):
         write_page(take, BetweenFrames(), tmp_path / "q.html", PageConfig("q", budget_bytes=1_000_000))
     assert [path.name for path in tmp_path.iterdir()] == ["p.html"]
+
+
+@pytest.mark.parametrize(("num_windows", "told_at_most"), [(600, 0), (11_000, 0), (48, 30)])
+def test_what_does_not_fit_a_page_is_said_as_soon_as_that_is_known(num_windows, told_at_most):
+    """All windows were rendered and kept before; where their numbers alone fill the page it was a ZeroDivisionError."""
+    sensor = Sensor(240, 180) if num_windows == 48 else Sensor(16, 16)
+    recording = made_up_recording(sensor=sensor, num_windows=min(num_windows, 24))
+    windows = plan_windows(recording, ByDuration(max(1, recording.span.duration // num_windows)))
+    take, told = Take.of(Playback(made_up_model(), recording, windows)), []
+    config = PageConfig("p", budget_bytes=1_000_000)
+    with pytest.raises(EtnetError, match=r"windows do not fit in 1 MB.* --range"):
+        gather(take, BetweenFrames(), config, progress=lambda done, _: told.append(done))
+    assert len(told) <= told_at_most < len(take)
 
 
 def test_a_cancelled_page_leaves_no_file(tmp_path):

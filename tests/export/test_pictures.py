@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import av
 import cv2
 import numpy as np
@@ -90,6 +92,22 @@ def test_frames_are_the_same_pictures_with_a_table_of_their_stamps(tmp_path):
         assert np.array_equal(read[..., ::-1], draw(moment, Look(("events", "reconstruction")), 5))
     lines = (tmp_path / "frames/stamps.csv").read_text().splitlines()
     assert lines[1] == f"1,80000,40000,{take.windows[0].num_events}"
+
+
+def test_a_former_takes_frames_stay_until_a_new_one_can_be_drawn_and_then_none_stays(tmp_path):
+    write_frames(made_up_take(3, 5), tmp_path, Look())
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert sorted(before) == ["frame_000003.png", "frame_000004.png", "stamps.csv"]
+    blind = Playback(made_up_model(), replace(made_up_recording(), ground_truth=None), made_up_take().windows)
+    with pytest.raises(EtnetError, match="no camera frames"):
+        write_frames(Take.of(blind, 0, 2), tmp_path, Look(("camera",)))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    is_begun = (tmp_path / "frame_000000.png").exists
+    with pytest.raises(Cancelled):
+        write_frames(made_up_take(0, 2), tmp_path, Look(), is_cancelled=is_begun)
+    assert [path.name for path in tmp_path.iterdir()] == ["frame_000000.png"], "without a table it is not finished"
+    write_frames(made_up_take(0, 2), tmp_path, Look())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frame_000000.png", "frame_000001.png", "stamps.csv"]
 
 
 @pytest.mark.parametrize(("writer", "name"), [(write_video, "v.mp4"), (write_gif, "v.gif")])

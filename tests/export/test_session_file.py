@@ -10,6 +10,7 @@ from etnet.events.assumptions import Assumptions
 from etnet.events.events import Events
 from etnet.events.opened_as import OpenedAs, View
 from etnet.events.recording import recording_of_events
+from etnet.export import session_file
 from etnet.export.session_file import (
     Change,
     check_session,
@@ -45,6 +46,26 @@ def test_every_policy_survives_the_file(tmp_path, policy):
     session = dataclasses.replace(record_session(made_up_take(0, 1), BetweenFrames()), policy=policy)
     write_session(session, tmp_path / "s.json")
     assert read_session(tmp_path / "s.json") == session
+
+
+def test_no_session_is_made_that_could_not_be_read_again(tmp_path, monkeypatch):
+    session = record_session(made_up_take(), BetweenFrames())
+    write_session(session, tmp_path / "s.json")
+    size = (tmp_path / "s.json").stat().st_size
+    more = dataclasses.replace(session, frames=(*session.frames, session.frames[0]))
+    write_session(more, tmp_path / "more.json")
+    assert (tmp_path / "more.json").stat().st_size - size == session_file.HASH_BYTES
+    monkeypatch.setattr(session_file, "LARGEST_FILE", size)
+    write_session(session, tmp_path / "s.json")
+    assert read_session(tmp_path / "s.json") == session
+    with pytest.raises(EtnetError, match="shorter range"):
+        write_session(more, tmp_path / "refused.json")
+    assert not (tmp_path / "refused.json").exists()
+    monkeypatch.setattr(session_file, "LARGEST_FILE", 4 * session_file.HASH_BYTES)
+    told = []
+    with pytest.raises(EtnetError, match="holds 4 windows at most, got 5"):
+        record_session(made_up_take(), BetweenFrames(), progress=lambda *done: told.append(done))
+    assert told == []
 
 
 def test_an_intervention_changes_the_frames_from_its_window_on():

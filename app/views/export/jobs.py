@@ -29,7 +29,7 @@ from app.views.export.runs import SIGHTS, camera_error_of
 from app.views.export.state import EXPORT_SLOT, ExportFormat, ExportState, Order, arrays_of
 from app.views.inspect.state import NO_CHANGE, InspectState, changed_request
 from app.views.reconstruction.state import ReconstructionState
-from etnet.errors import EtnetError
+from etnet.errors import EtnetError, WindowError
 from etnet.files import in_megabytes
 from etnet.private_folder import PrivateFolder
 from etnet.stretch import windows_between
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from etnet.windows import Policy
 
 MOST_WINDOWS = 20_000
+PACKED = 16
+"""The rows of an NPZ lie on disk until all are there; they may take so many times what the file may."""
 ENDINGS: dict[ExportFormat, str] = {
     "mp4": "mp4", "gif": "gif", "png": "png", "npz": "npz", "h5": "h5", "csv": "csv", "page": "html",
     "session": "session.json",
@@ -82,10 +84,7 @@ class ExportJob:
                 writer.stop()
             size = path.stat().st_size
             if size > LARGEST:
-                raise EtnetError(
-                    f"{name} comes to {in_megabytes(size)}; a page hands out at most {in_megabytes(LARGEST)}: "
-                    "take fewer windows, or use `etnet export`"
-                )
+                raise _too_large(name, in_megabytes(size))
             made = Download(name, path.read_bytes())
         yield made, 1.0
 
@@ -127,7 +126,8 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             write_png(path, draw(moment, look, len(take.playback)))
         case "npz" | "h5":
             queries = () if order.query is None else (order.query,)
-            write_arrays(take, path, ArraysChoice(arrays_of(wanted, order.query), queries), progress, is_cancelled)
+            choice = ArraysChoice(arrays_of(wanted, order.query), queries)
+            write_arrays(take, path, choice, progress, is_cancelled, _changed(order))
         case "csv":
             write_table(take, path, progress, is_cancelled)
         case "page":
@@ -138,6 +138,18 @@ def write(order: Order, take: Take, path: Path, progress: Progress, is_cancelled
             at = order.change.run_from
             change = None if at is None or at >= take.stop else Change(at, order.change.intervention)
             write_session(record_session(take, order.policy, change, None, progress, is_cancelled), path)
+
+
+def _changed(order: Order) -> str:
+    """What is changed in the network or its events, and where, in words; empty where nothing is."""
+    from app.html.attention.changed import change_words, since_words
+
+    change = order.change
+    if change.is_nothing:
+        return ""
+    where = "in each window for itself" if change.since is None else since_words(change.since, change.once)
+    left = "" if change.edit.changes_nothing else " (voxels hold the events as they are)"
+    return f"{change_words(change.intervention, change.edit)}, {where}{left}"
 
 
 def _refuse_what_passes(recording: Recording, policy: Policy) -> None:
@@ -191,11 +203,21 @@ def _write(order: Order, take: Take, path: Path, num_threads: int, writer: Write
     import torch
 
     torch.set_num_threads(num_threads)  # a thread begins with torch's own number, not the engine's
+    most = LARGEST * (PACKED if path.suffix == ".npz" else 1)
 
     def progress(done: int, total: int) -> None:
         writer.share = done / max(total, 1)
+        if sum(part.stat().st_size for part in path.parent.rglob("*") if part.is_file()) > most:
+            raise _too_large(path.name, f"more than {in_megabytes(LARGEST)}")
 
     write(order, take, path, progress, lambda: writer.is_stopped)
+
+
+def _too_large(name: str, size: str) -> EtnetError:
+    return EtnetError(
+        f"{name} comes to {size}; a page hands out at most {in_megabytes(LARGEST)}: take fewer windows, or use "
+        "`etnet export`"
+    )
 
 
 def _take_of(order: Order, loaded: LoadedPlayback, desk: Desk) -> Take:
@@ -230,8 +252,13 @@ def _range_of(order: Order, loaded: LoadedPlayback) -> tuple[int, int]:
     if wanted.is_replayed:
         found = windows_between(loaded.windows, *order.marks) or range(num_windows)
         return found.start, found.stop - 1
-    first = 0 if wanted.first is None else min(max(wanted.first, 0), num_windows - 1)
-    return first, num_windows - 1 if wanted.last is None else min(max(wanted.last, first), num_windows - 1)
+    first = 0 if wanted.first is None else max(wanted.first, 0)
+    last = max(num_windows - 1 if wanted.last is None else wanted.last, first)
+    if last >= num_windows:
+        raise WindowError(
+            f"windows {first} – {last} were ordered; there are 0 – {num_windows - 1}; set the marks anew, then order it"
+        )
+    return first, last
 
 
 def _runs_of(order: Order, view: ViewState, take: Take) -> Runs:

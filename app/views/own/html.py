@@ -86,10 +86,11 @@ def _plot(plot: Plot) -> str:
         return '<div class="et-note">No finite values to plot.</div>'
     low, high = float(known.min()), float(known.max())
     room = (high - low) or 1.0
+    longest = max(map(len, lines.values()))
+    x = np.arange(longest) if plot.x is None else np.asarray(plot.x, np.float64).ravel()[:longest]
+    across = (x - x.min()) / ((x.max() - x.min()) or 1.0) * _WIDTH if len(x) else x
     drawn, names = "", ""
     for (name, values), colour in zip(lines.items(), _COLOURS * 9, strict=False):
-        x = np.arange(len(values)) if plot.x is None else np.asarray(plot.x, np.float64).ravel()[: len(values)]
-        across = (x - x.min()) / ((x.max() - x.min()) or 1.0) * _WIDTH if len(x) else x
         points = " ".join(
             f"{a:.1f},{_HEIGHT * (1 - (v - low) / room):.1f}"
             for a, v in zip(across, values, strict=False)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import math
+import os
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +65,7 @@ def _view_of(source: Path | str | Callable[..., Any]) -> View:
         raise OwnViewError(f"{path.name}: defines neither show(moment) nor VIEW; docs/own_view.md has an example")
     title = str(getattr(module, "title", _title(path.stem)))
     widgets, probe = _widgets_of(module, path.name), bool(getattr(module, "probe", False))
-    return _short_form(OwnView(title[:40], str(path), show, widgets, probe))
+    return _short_form(OwnView(title[:40], module.__file__, show, widgets, probe))
 
 
 def _widgets_of(source: object, called: str) -> dict[str, Any]:
@@ -85,13 +88,16 @@ def _widgets_of(source: object, called: str) -> dict[str, Any]:
 def _run(path: Path) -> Any:
     if not path.is_file():
         raise OwnViewError(f"--view {path}: there is no such file")
-    spec = importlib.util.spec_from_file_location(f"own_view_{_plain(path.stem)}", path)
+    mark = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:12]
+    spec = importlib.util.spec_from_file_location(f"own_view_{_plain(path.stem)}_{mark}", path)
     if spec is None or spec.loader is None:
         raise OwnViewError(f"--view {path}: not a Python file; wanted a .py")
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses and get_type_hints look there for a file's names
     try:
         spec.loader.exec_module(module)
     except Exception as error:
+        sys.modules.pop(spec.name, None)
         raise OwnViewError(f"--view {path}: {type(error).__name__}: {error}") from error
     return module
 

@@ -1,6 +1,6 @@
 """Scores of the viewer are those of the library, digit for digit, whoever asks, in whatever order."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -12,14 +12,21 @@ from app.config import ViewerConfig
 from app.engine.engine import Engine
 from app.engine.replayed import FIRST, replayed_windows
 from app.engine.requests import FrameRequest, Ready
+from app.html.moment import Moment
+from app.html.provenance import ModelFacts
+from app.state.run import Run
+from app.state.view_state import ViewState
 from app.views.compare.jobs import scores as looking
+from app.views.compare.jobs.runs import run_jobs
 from app.views.compare.jobs.scores import MomentScore, ProtocolRun, Strip
+from app.views.page import RunFrame
 from app.views.recording.jobs.fitness import FitnessJob
 from etnet.evaluation.evaluate import FrameJudge, Judges, evaluate
 from etnet.evaluation.metrics import sharpness
 from etnet.evaluation.protocol import EVREAL, PAPER, PROTOCOLS, plan_protocol
 from etnet.events.cleaning import Cleaning
 from etnet.events.open import open_recording
+from etnet.events.recording import recording_of_events
 from etnet.nets.presets import build_model
 from etnet.nets.weights import save_weights
 from etnet.reconstruction import reconstruct
@@ -146,6 +153,29 @@ def test_a_long_plan_is_scored_where_frames_exist_and_grows_with_them(engine, mo
     inbox.ready(11)
     again = answer(engine, Strip(request(policy=ByCount(50), recording="events alone"), "paper", num_seen=3))
     assert again.indices.tolist() == [3, 5, 11]
+
+
+def test_a_strip_of_a_recording_that_grows_is_asked_again_and_holds_all_of_it(engine):
+    """It kept the windows of the first moment, as the whole curve."""
+    policy, page, now = ByCount(50), ViewState(recording_id="r", model_id="tiny", precision="fp32"), []
+
+    def grow(num_windows):
+        part = recording_of_events(recording_of(20).read(0, 50 * num_windows), "r")
+        now[:] = [replace(part, latest=lambda: now[0])]
+
+    def strip():
+        windows = plan_windows(now[0], policy)
+        run = RunFrame(0, Run(), request(policy=policy), windows[0], len(windows), ModelFacts("tiny"), 20)
+        jobs = run_jobs(page, Moment("r", policy, 0, now[0], windows), [run], lambda _: 0)
+        return next(job for job in jobs.values() if isinstance(job, Strip))
+
+    grow(8)
+    engine._playbacks._library.recordings["r"] = now[0]
+    first = strip()
+    assert answer(engine, first).indices.tolist() == list(range(8))
+    grow(20)
+    assert strip() != first
+    assert answer(engine, strip()).indices.tolist() == list(range(20))
 
 
 def test_a_frame_is_scored_once_for_strip_and_moment(engine, monkeypatch):

@@ -17,6 +17,8 @@ import pytest
 from app.catalogue.cut import with_cut
 from app.engine.downloads import Download
 from app.engine.jobs import JobResult
+from app.engine.pace import Pace
+from app.engine.playbacks import LoadedPlayback
 from app.engine.requests import FrameRequest
 from app.html.provenance import ModelFacts
 from app.state.run import Run
@@ -256,6 +258,38 @@ def test_what_is_too_large_for_a_page_is_said_with_a_way_out(monkeypatch):
     monkeypatch.setattr("app.views.export.jobs.LARGEST", 1000)
     with pytest.raises(EtnetError, match=r"etnet export"):
         made(ordered(format="h5"))
+
+
+def test_what_becomes_too_large_for_a_page_ends_before_all_of_it_is_made(monkeypatch):
+    monkeypatch.setattr("app.views.export.jobs.LARGEST", 1000)
+    at, steps = loaded(), []
+    step = at.playback.at
+    monkeypatch.setattr(at.playback, "at", lambda *given, **more: steps.append(given) or step(*given, **more))
+    with pytest.raises(EtnetError, match=r"comes to more than 1 kB.*etnet export"):
+        made(ordered(format="npz"), at)
+    assert len(steps) < NUM_WINDOWS
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, NUM_WINDOWS), (NUM_WINDOWS, None), (NUM_WINDOWS + 2, NUM_WINDOWS + 4)])
+def test_a_stretch_that_is_not_there_is_an_error_and_no_other_stretch(first, last):
+    with pytest.raises(EtnetError, match=r"there are 0 – 4; set the marks"):
+        made(ordered(format="csv", first=first, last=last))
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (Change(), None),
+    (Change(since=2), None),
+    (Change(Intervention(zeroed_levels=frozenset({2}))), "state of level 2 zeroed, in each window for itself"),
+    (Change(edit=EventEdit(drop=0.5), since=1),
+     "50 % of the events dropped, persistent from window 1 (voxels hold the events as they are)"),
+])  # fmt: skip
+def test_arrays_of_a_changed_network_say_what_is_changed(change, said):
+    state = STATE.put(InspectState(change=change))
+    order = reduce(state, StartExport("npz"), Limits()).of(ExportState).order
+    playback = made_up_take().playback
+    content = made(ExportJob(order), LoadedPlayback(playback, contract_of(playback.model), 4, Pace(), 1.0)).content
+    with np.load(io.BytesIO(content)) as arrays:
+        assert json.loads(str(arrays["facts"])).get("changed") == said
 
 
 def test_what_a_recording_does_not_have_is_said():

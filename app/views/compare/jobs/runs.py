@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from app.catalogue.amount import amount_of
 from app.engine.jobs import Job, JobResult
 from app.engine.requests import FrameRequest
 from app.html.moment import Moment
@@ -35,7 +36,8 @@ def run_jobs(
             over_time[slot_of("time", run)] = ProtocolRun(plain, run.run.replays)
         else:
             seen = num_seen(run.request) if run.num_windows > MOST_WINDOWS else -1
-            over_time[slot_of("time", run)] = Strip(plain, compare.rule, compare.offset, seen)
+            amount = amount_of(moment.recording)
+            over_time[slot_of("time", run)] = Strip(plain, compare.rule, compare.offset, seen, amount)
     return jobs | over_time
 
 

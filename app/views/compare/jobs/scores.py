@@ -65,6 +65,8 @@ class Strip:
     rule: Rule
     offset: int = 0
     num_seen: int = -1
+    amount: int = 0
+    """How much of the recording there is (`amount_of`): at least that is scored."""
 
     def run(self, loaded: LoadedPlayback, cancelled: Callable[[], bool]) -> Iterator[tuple[StripScores, float]]:
         """An answer a window."""

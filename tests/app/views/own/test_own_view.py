@@ -1,7 +1,10 @@
 """A view of one's own: what its file may define, what it may return, and how its errors are shown."""
 
 import asyncio
+import re
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +32,66 @@ def test_a_file_with_show_is_a_view_with_its_title_for_experts_only(tmp_path):
     assert (view.name, view.title) == ("own-row-profile", "Row profile")
     assert not view.is_public
     assert "demo" not in view.settings_in
+
+
+def _modules():
+    return {name for name in sys.modules if name.startswith("own_view_")}
+
+
+WHOLE_VIEW = """
+from __future__ import annotations
+from dataclasses import dataclass
+from typing import ClassVar, get_type_hints
+from app.views.view import View
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    view: ClassVar[str] = "mine"
+    level: int = 3
+
+get_type_hints(Kept)
+VIEW = View("mine", "Mine", "PUZZLE", Kept(), lambda client: None)
+"""
+
+
+def test_a_file_may_be_written_as_our_own_views_are(tmp_path):
+    before = _modules()
+    (view,) = own_views([_file(tmp_path, WHOLE_VIEW)])
+    assert (view.name, view.initial.level) == ("mine", 3)
+    (name,) = _modules() - before
+    assert sys.modules[name].VIEW is view
+
+
+def test_two_files_of_one_name_are_two_modules_and_one_that_fails_leaves_none(tmp_path):
+    folders = [tmp_path / "a", tmp_path / "b"]
+    for folder in folders:
+        folder.mkdir()
+    before = _modules()
+    text = "title = {!r}\ndef show(moment):\n    return title\n"
+    own_views([_file(folder, text.format(folder.name)) for folder in folders])
+    made = _modules() - before
+    assert {sys.modules[name].title for name in made} == {"a", "b"}
+    with pytest.raises(OwnViewError):
+        own_views([_file(tmp_path, "raise OSError\n", "broken.py")])
+    assert _modules() - before == made
+
+
+def test_a_file_by_a_relative_path_has_its_line_in_errors_too(tmp_path, monkeypatch):
+    _file(tmp_path, "def show(moment):\n    return [][3]\n")
+    monkeypatch.chdir(tmp_path)
+    (view,) = own_views([Path("mine.py")])
+    own = view.make_panel(None)._own
+    with pytest.raises(IndexError) as raised:
+        own.show(None)
+    assert "mine.py, line 2: IndexError" in error_html(raised.value, own.path)
+
+
+def test_lines_of_a_plot_share_their_x():
+    drawn = own_html(Plot({"long": [0, 1, 2, 3, 4], "short": [0, 1, 2]}, x=[10, 20, 30, 40, 50]))
+    long, short = ([pair.split(",")[0] for pair in points.split()] for points in re.findall('points="([^"]*)"', drawn))
+    assert long[:3] == short
+    assert long[-1] == "320.0"
+    assert own_html(Plot({"long": range(5), "short": range(3)})).count("80.0,90.0") == 2
 
 
 def test_a_function_is_a_view_too():
