@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,7 +36,7 @@ def run(config: Train) -> int:
         done = train(config.train, world, report, config.changed)
     if done.world.leads:
         end = "" if done.update == done.config.updates else f" of {done.config.updates}; the same command goes on"
-        console.print(f"{config.train.out}: {done.update} updates{end}, best validation LPIPS {done.best:.4f}")
+        console.print(f"{config.train.out}: {done.update} updates{end}{_validated(done.best)}")
     return 0
 
 
@@ -45,8 +46,12 @@ def _export(folder: Path, target: Path, best: bool) -> int:
 
     model, card = exported(folder, best)
     save_weights(model, target, card)
-    console.print(f"{target}: {card['title']}, best validation LPIPS {card['best_validation_lpips']:.4f}")
+    console.print(f"{target}: {card['title']}{_validated(card['best_validation_lpips'])}")
     return 0
+
+
+def _validated(best: float | None) -> str:
+    return f", best validation LPIPS {best:.4f}" if best is not None and math.isfinite(best) else ", never validated"
 
 
 def _draw(folder: Path, target: Path) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ def exported(folder: Path, best: bool = False) -> tuple[ETNet, dict[str, Any]]:
     card = {
         "title": f"ET-Net, {num_parameters(model):,} parameters, {checkpoint.update} updates",
         "updates": checkpoint.update,
-        "best_validation_lpips": checkpoint.best,
+        "best_validation_lpips": checkpoint.best if math.isfinite(checkpoint.best) else None,
         "target_tone": checkpoint.config["data"]["target_tone"],
         "seed": checkpoint.config["seed"],
         "recipe": {name: _without_folders(value) for name, value in checkpoint.config.items() if name != "out"},
