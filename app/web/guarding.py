@@ -39,6 +39,8 @@ RATE, BURST = 150.0, 300.0
 """Messages a second of one page that are read, and how many may come at once. A page that sends more waits."""
 CLOSING = 1.0
 """Seconds that a page has for ending a connection that is closed on it."""
+ANSWERED = 60.0
+"""Seconds from a connection's begin until its answer is taken: the page's 668 kB over a line of 11 kB/s."""
 
 Widget = Callable[[ServerConnection, str], Any]
 """The widget of a connection's page by its id; `None` where there is none."""
@@ -65,6 +67,7 @@ def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: Non
             # A few hundred bytes would unpack to a whole message before it is counted; viser packs by itself.
             "compression": None,
             "close_timeout": CLOSING,
+            "open_timeout": ANSWERED,  # of the request itself `GuardedConnection` is the judge
         }
         return original(gate.handle, *args, process_request=gate.ask, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
@@ -109,6 +112,9 @@ class Gate:
     def dress(self, connection: ServerConnection, request: Request, response: Response) -> None:
         """What every answer carries."""
         self._guard.secured(response)
+        if response.status_code != 101:
+            # It counts as sent when none of it waits here any more: what still waits then is thrown away.
+            connection.transport.set_write_buffer_limits(0, 0)
 
     async def handle(self, connection: ServerConnection) -> None:
         """Serve a websocket to its end."""
