@@ -33,8 +33,8 @@ SILENCE = 20.0
 MOST_SOCKETS = 64
 """Websockets of one address at once. All that comes through a proxy on this machine is told apart by what it says."""
 MOST_SILENT = 32
-"""Of one address, beside these, that have not said yet where they look. For one more the oldest of them goes: who opens
-sockets and says nothing keeps nobody else of the same address out."""
+"""Of one address, beside these, that have not said yet where they look or what they bring. For one more the oldest of
+them goes: who opens sockets and says nothing keeps nobody else of the same address out."""
 RATE, BURST = 150.0, 300.0
 """Messages a second of one page that are read, and how many may come at once. A page that sends more waits."""
 CLOSING = 1.0
@@ -123,7 +123,9 @@ class Gate:
         address = address_of(connection, connection.request, behind_proxy=self._guard.public is not None)
         door = self._guard.doors.get(urlsplit(connection.request.path).path)
         if door is not None:
-            with self._counted(address):
+            with ExitStack() as stack:
+                stack.enter_context(self._listed_silent(connection, address))
+                _on_first(connection, lambda: self._speaks(stack, address))
                 await door(connection)
         elif connection.subprotocol != f"viser-v{viser.__version__}":
             # By the code viser's page knows what to say; a stranger is not told what runs here.
@@ -135,7 +137,7 @@ class Gate:
                 await self._handler(connection)
 
     def _speaks(self, stack: ExitStack, address: str) -> None:
-        """A page has said where it looks: it counts among the others of its address from now on."""
+        """A page has said where it looks, or what it brings: it counts among the others of its address from now on."""
         stack.close()
         stack.enter_context(self._counted(address))
 
@@ -212,6 +214,19 @@ class Checked:
             await asyncio.wait_for(self._connection.close(1008, "not what this page sends"), CLOSING)
             return
         self._connection.transport.abort()
+
+
+def _on_first(connection: ServerConnection, tell: Callable[[], object]) -> None:
+    """Tell of the first message that a connection receives."""
+    receive = connection.recv
+
+    async def recv(decode: bool | None = None) -> str | bytes:
+        message = await receive(decode)
+        connection.recv = receive  # pyright: ignore[reportAttributeAccessIssue]
+        tell()
+        return message
+
+    connection.recv = recv  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def address_of(connection: ServerConnection, request: Request, behind_proxy: bool) -> str:

@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.catalogue.uploads import UploadLimits
 from app.web.guarding import LARGEST_MESSAGE
-from app.web.upload_endpoint import CHUNK
+from app.web.upload_endpoint import CHUNK, UploadEndpoint
 from tests.app.stand_ins import Browser, held_files, served
 
 LIMITS = UploadLimits(visitor_bytes=1_000_000, total_bytes=2_000_000)
@@ -112,6 +112,29 @@ def test_a_removed_file_leaves_the_page_on_another_recording(viewer):
         await browser.use(browser.widget("channel"), f"pick|remove:{arrived}|0|0|5")
         await browser.until(lambda: browser.widgets[browser.widget("Recording")]["value"] == "recording a")
         assert held_files(viewer.uploads) == []
+
+    story(viewer, tell)
+
+
+def test_messages_without_bytes_do_not_keep_a_transfer_waiting(viewer):
+    async def tell(browser, ticket):
+        async with Sender.open(viewer) as sender:
+            await sender.greet(ticket=ticket, name="a.raw", size=1000)
+            await sender.socket.send(b"")
+            assert "without bytes" in (await sender.hear())["refused"]
+            assert await sender.until_over() == []
+        await settled(lambda: held_files(viewer.uploads) == [])
+
+    story(viewer, tell)
+
+
+def test_who_says_nothing_keeps_nobodys_file_out(viewer, monkeypatch):
+    monkeypatch.setattr(UploadEndpoint, "most_connections", 1)
+
+    async def tell(browser, ticket):
+        async with Sender.open(viewer), Sender.open(viewer), Sender.open(viewer) as sender:
+            assert await sender.greet(ticket=ticket, name="a.raw", size=1000) == {"go": CHUNK}
+        await settled(lambda: held_files(viewer.uploads) == [])
 
     story(viewer, tell)
 
