@@ -17,6 +17,8 @@ from app.web.endpoint import Endpoint, Line
 
 PATH = "/upload"
 CHUNK = 256 << 10
+LARGEST_BITS = 63
+"""Of the size of a file, in bytes."""
 SILENCE = 30.0
 """Seconds without a byte after which a transfer is given up."""
 
@@ -68,7 +70,10 @@ class UploadEndpoint(Endpoint[Announced]):
 async def _greeting(line: Line) -> tuple[str, str, int]:
     try:
         said = await line.greeting()
-        return str(said["ticket"]), str(said["name"]), int(said["size"])
+        size = int(said["size"])
+        if size.bit_length() > LARGEST_BITS:
+            raise ValueError("no file is as large")
+        return str(said["ticket"]), str(said["name"]), size
     except TimeoutError:
         raise UploadError("nothing was said about the file; load the page again") from None
     except (ValueError, TypeError, KeyError, OverflowError):

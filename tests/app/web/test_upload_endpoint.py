@@ -222,6 +222,7 @@ def test_nobody_sends_without_a_pages_ticket_and_nonsense_is_refused(viewer):
             json.dumps({"ticket": "x" * 24, "name": "a", "size": 3}),
             json.dumps({"ticket": ticket, "name": "a", "size": "many"}),
             json.dumps({"ticket": ticket, "name": "a", "size": 1e400}),
+            json.dumps({"ticket": ticket, "name": "a", "size": "1" + "0" * 400}),
             json.dumps([1]),
             "[" * 4000,
             "{",
