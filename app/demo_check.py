@@ -13,7 +13,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from app.session.rehearsal import VISITOR, Mirrored, rehearse, rehearse_mirror
 from app.web.index_page import STYLE_SHEETS
@@ -48,6 +48,7 @@ class Running(Protocol):
     homes: Homes | None
     uploads: Uploads | None
     token: str | None
+    host: str
     port: int
 
     @property
@@ -92,13 +93,16 @@ def _tried(name: str, what: Callable[[], str]) -> Finding:
 
 
 def _pages(viewer: Running) -> Finding:
+    # As in a browser: the token is moved into a cookie, and the page asks by that.
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+
     def look() -> str:
-        with urllib.request.urlopen(_local(viewer, ""), timeout=10) as answer:
+        with opener.open(_local(viewer, ""), timeout=10) as answer:
             page = answer.read().decode("utf-8", "replace")
         missing = [name for name in STYLE_SHEETS if f'data-sheet="{name}"' not in page]
         if missing or "etnetSay" not in page:
             raise EtnetError(f"the page comes without {', '.join(missing) or 'its scripts'}; install it again")
-        with urllib.request.urlopen(_local(viewer, "static/icon.svg"), timeout=10):
+        with opener.open(_local(viewer, "static/icon.svg"), timeout=10):
             return f"the page, with all its styles and scripts in it, is served at {viewer.url}"
 
     return _tried("page", look)
@@ -287,5 +291,7 @@ def _public(address: str) -> Finding:
 
 
 def _local(viewer: Running, path: str) -> str:
-    token = f"?token={viewer.token}" if viewer.token else ""
-    return f"http://127.0.0.1:{viewer.port}/{path}{token}"
+    """An address of the viewer, wherever it listens, as this machine reaches it."""
+    reached = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(viewer.host, viewer.host)
+    token = f"?token={quote(viewer.token, safe='')}" if viewer.token else ""
+    return f"http://{f'[{reached}]' if ':' in reached else reached}:{viewer.port}/{path}{token}"

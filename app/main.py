@@ -203,7 +203,7 @@ class Viewer:
         session = session_in(config)
         if session is not None:
             config = config_of(session, config)
-        self._config, self.token = config, config.token
+        self._config, self.token, self.host = config, config.token, config.host
         own = own_views([*config.views, *views], config.is_open)
         self.live = open_feed(config)
         self._views = (*VIEWS, *((LIVE,) if self.live else ()), *own)

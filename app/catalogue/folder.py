@@ -42,10 +42,11 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
         for path in _inside(waiting.popleft()):
             if path.name.startswith("."):
                 continue
-            if path.is_dir():
-                if path.is_symlink():
+            # Path.is_file and its like raise where a folder may not be looked into; these say no.
+            if os.path.isdir(path):
+                if os.path.islink(path):
                     continue
-                if any((path / sign).is_file() and lies_in(root, path / sign) for sign in _FOLDER_SIGNS):
+                if any(os.path.isfile(path / sign) and lies_in(root, path / sign) for sign in _FOLDER_SIGNS):
                     found[path] = sign_of(path)
                 elif num_folders < MAX_FOLDERS:
                     waiting.append(path)
@@ -79,7 +80,7 @@ def size_of(path: Path) -> str:
 
 def lies_in(root: str | Path, path: Path) -> bool:
     """Whether a file, or what its link leads to, is below `root`."""
-    return not path.is_symlink() or Path(os.path.realpath(path)).is_relative_to(root)
+    return not os.path.islink(path) or Path(os.path.realpath(path)).is_relative_to(root)
 
 
 def _inside(folder: Path) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,7 +89,7 @@ def _weights_in(folder: Path) -> list[Path]:
     root = folder.resolve()
     found = (path for path in folder.rglob("*.safetensors") if not path.name.startswith(".") and lies_in(root, path))
     # A regular file: to open a pipe waits for whoever writes into it.
-    return sorted(path for path in found if path.is_file())[:MAX_MODELS]
+    return sorted(path for path in found if os.path.isfile(path))[:MAX_MODELS]
 
 
 def _own_entry(path: Path) -> ModelEntry:

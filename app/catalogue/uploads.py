@@ -50,7 +50,8 @@ class Uploads:
         found = self._found() or PrivateFolder("etnet-uploads-")
         self._folder = found
         held = sum(each.num_bytes for each in self._desks.values())
-        left = min(self.limits.total_bytes - held, _free(found))
+        awaited = sum(each.awaited_bytes for each in self._desks.values())
+        left = min(self.limits.total_bytes - held, _free(found) - awaited)
         if size > left:
             raise UploadError(
                 f"{in_megabytes(size)} do not fit: all visitors together have {in_megabytes(max(left, 0))} left here; "

@@ -99,6 +99,11 @@ class _Film:
     is_low: bool = False
     """Whether its thread gives way to the others."""
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether it came to its end, and to something."""
+        return self.video.pace.is_over and not self.video.has_failed
+
 
 def film_id(recording_id: str, setting: FilmSetting) -> str:
     """The id of a video's film under another setting."""
@@ -165,11 +170,12 @@ class Videos:
             if recording_id is not None and recording_id in self._films:
                 self._films[recording_id].watchers.add(visitor)
             idle = [key for key, film in self._films.items() if not film.watchers]
-            unfinished = [key for key in idle if not self._films[key].video.pace.is_over]
-            whole = [key for key in idle if key not in unfinished]
-            gone = [*unfinished, *whole[:-KEPT]]
-        for key in gone:
-            self._drop(key)
+            whole = [key for key in idle if self._films[key].is_whole]
+            unfinished = [key for key in idle if key not in whole]
+            # Taken out at once: one that somebody begins to look at meanwhile is another one.
+            gone = [(key, self._films.pop(key)) for key in (*unfinished, *whole[:-KEPT])]
+        for key, film in gone:
+            self._end(key, film)
         with self._lock:
             looked_at = {split_id(key)[0] for key, film in self._films.items() if film.watchers}
             for key in [key for key in self._beginnings if key[0] not in looked_at]:
@@ -184,7 +190,7 @@ class Videos:
         is_strangers: bool = False,
         unpacking: Unpacking | None = None,
     ) -> None:
-        """A visitor looks at this film from now on; it is begun if it is not there.
+        """A visitor looks at this film from now on; it is begun if it is not there, and again if it failed.
 
         `is_strangers`: the video is decoded in a process of its own. `unpacking`: the film lies beside the video,
         counts in it, and ends where that has no room for more.
@@ -193,10 +199,19 @@ class Videos:
             self.watch(visitor, None)
             return
         with self._lock:
+            failed = self._films.pop(recording_id) if self.has_failed(recording_id) else None
             if recording_id not in self._films:
                 self._begin(recording_id, video, name, is_strangers, unpacking)
-            self._films[recording_id].watchers.add(visitor)
+            self._films[recording_id].watchers |= {visitor} if failed is None else {visitor, *failed.watchers}
+        if failed is not None:
+            self._end(recording_id, failed)
         self.watch(visitor, recording_id)
+
+    def has_failed(self, recording_id: str) -> bool:
+        """Whether a film is there that came to nothing."""
+        with self._lock:
+            film = self._films.get(recording_id)
+        return film is not None and film.video.has_failed
 
     @contextlib.contextmanager
     def turn(self, is_cancelled: Callable[[], bool]) -> Iterator[None]:
@@ -310,9 +325,13 @@ class Videos:
         with self._lock:
             film = self._films.pop(recording_id, None)
         if film is not None:
-            film.cancelled.set()
-            film.path.unlink(missing_ok=True)
-            self._forget(recording_id)
+            self._end(recording_id, film)
+
+    def _end(self, recording_id: str, film: _Film) -> None:
+        """Stop a film that was taken out. Not under the lock: others are told."""
+        film.cancelled.set()
+        film.path.unlink(missing_ok=True)
+        self._forget(recording_id)
 
 
 def _check_wanted(is_cancelled: Callable[[], bool]) -> None:

@@ -65,11 +65,12 @@ class VisitorCatalogue:
             raise under_its_name(error, entry) from error
 
     def looks_at(self, recording_id: str) -> None:
-        """They look at this now: a video is begun under the setting in the id, the former one may end.
+        """They look at this now: a video is begun under the setting in the id, the former one may end. One that failed
+        is begun again.
 
         Called by the visitor's thread, so that the newest request is the last one.
         """
-        if recording_id == self._looks_at:
+        if recording_id == self._looks_at and not self._shared.films.has_failed(recording_id):
             return
         self._looks_at = recording_id
         try:

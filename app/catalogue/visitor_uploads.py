@@ -173,6 +173,12 @@ class VisitorUploads:
         self.check_unpacked(title, size)
 
     @property
+    def awaited_bytes(self) -> int:
+        """Of the file on its way, what has yet to come: it was let in for that, and the disk does not show it."""
+        coming = self._transfer
+        return 0 if coming is None else coming.size - coming.received
+
+    @property
     def unpacked_bytes(self) -> int:
         """Of all that was made of the files that are here, as it lies on the disk."""
         with self._lock:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from threading import Lock
 from typing import Any
 
 from app.catalogue.cut import CutRecording, is_live, windows_of
@@ -88,7 +89,10 @@ class Opening:
 
 
 class Opener:
-    """Opens beside the page. Replies come in any order; the session takes the one that fits its state."""
+    """Opens beside the page. Replies come in any order; the session takes the one that fits its state.
+
+    A recording has one thread, however many plans are made for it while it is opened: it goes on with the newest.
+    """
 
     def __init__(
         self,
@@ -99,21 +103,51 @@ class Opener:
         self._catalogue, self._cleaned = catalogue, cleaned
         self._tell = tell
         self._begun: Plan | None = None
+        self._waiting: dict[str, Plan] = {}
+        """By recording, what its thread does next."""
+        self._at_work: set[str] = set()
+        """Recordings that have a thread."""
+        self._lock = Lock()
 
     def want(self, plan: Plan) -> None:
         """Begin with a plan, unless it is the last one that was begun."""
-        if plan != self._begun:
-            self._begun = plan
-            THREADS.start(partial(self._open, plan), "opening")
+        key = plan.recording_id
+        with self._lock:
+            if plan == self._begun:
+                return
+            self._begun = self._waiting[key] = plan
+            if key in self._at_work:
+                return
+            self._at_work.add(key)
+        THREADS.start(partial(self._work, key), "opening")
 
     def heard(self, plan: Plan) -> None:
         """The answer to a plan has come: it may be begun again."""
-        if plan == self._begun:
-            self._begun = None
+        with self._lock:
+            if plan == self._begun:
+                self._begun = None
+
+    def _work(self, key: str) -> None:
+        while True:
+            with self._lock:
+                plan = self._waiting.pop(key, None)
+                if plan is None:
+                    self._at_work.discard(key)
+                    return
+            self._open(plan)
+
+    def _is_wanted(self, plan: Plan) -> bool:
+        """Whether no other plan came after it; the same one that came meanwhile is answered by it."""
+        with self._lock:
+            if self._waiting.get(plan.recording_id) == plan:
+                del self._waiting[plan.recording_id]
+            return self._begun in (None, plan)
 
     def _open(self, plan: Plan) -> None:
         try:
             recording = self._catalogue.open(plan.recording_id, self._progress(plan))
+            if not self._is_wanted(plan):
+                return
             recording = self._cleaned.of(recording, plan.cleaning)
             policy = suited_policy(recording) if plan.policy is None else plan.policy
             windows = windows_of(recording, policy)
@@ -125,6 +159,8 @@ class Opener:
                 curve_of(Moment(opened.recording_id, policy, 0, recording, windows, plan.cleaning))
                 self._tell(opened)
         except Exception as error:  # whatever it was, a page that waits is told
+            if plan.recording_id in self._waiting:
+                return  # by the one that comes next: a film that was begun again is another one
             self._tell(Unopened(plan, in_words(error, self), isinstance(error, WaitingForEvents)))
 
     def _progress(self, plan: Plan) -> Callable[[float], None]:

@@ -29,7 +29,7 @@ SHORTEST = 1 / 30
 """Seconds from frame to frame; what comes faster is left out."""
 
 
-class CameraEndpoint(Endpoint):
+class CameraEndpoint(Endpoint[Mirror]):
     """Lets cameras in for a server; the pixels look on in workers."""
 
     most_connections: ClassVar[int] = 16
@@ -39,10 +39,14 @@ class CameraEndpoint(Endpoint):
         super().__init__()
         self._mirrors = mirrors
 
-    async def serve(self, line: Line) -> None:
+    async def recognise(self, line: Line) -> Mirror:
+        """The mirror that a ticket is for."""
+        return self._mirrors.of(await _ticket(line))
+
+    async def serve(self, line: Line, known: Mirror) -> None:
         """Look through one camera."""
+        mirror = known
         try:
-            mirror = self._mirrors.of(await _ticket(line))
             await asyncio.to_thread(mirror.begin)
         except MirrorError as error:
             await line.refuse(str(error))

@@ -10,12 +10,13 @@ import json
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from app.web.guarded_connection import Rate
+from etnet.errors import EtnetError
 from etnet.plain_values import bounded_json
 
 LONGEST_GREETING = 4096
@@ -26,6 +27,9 @@ CLOSING = 1.0
 """Seconds that a page which was refused has for ending the connection itself."""
 RATE, BURST = 400.0, 800.0
 """Messages a second of one connection that are read, and how many may come at once."""
+
+Known = TypeVar("Known")
+"""What a greeting was recognised as."""
 
 _log = logging.getLogger(__name__)
 
@@ -75,11 +79,11 @@ class Line:
             self._connection.transport.abort()
 
 
-class Endpoint(ABC):
+class Endpoint(ABC, Generic[Known]):
     """Serves such connections, on the server's event loop."""
 
     most_connections: ClassVar[int]
-    """At once, of all visitors together."""
+    """At once, of all visitors together; who was not recognised takes no place among them."""
     crowded: ClassVar[str]
     """What one more is told."""
 
@@ -89,17 +93,33 @@ class Endpoint(ABC):
     async def __call__(self, connection: ServerConnection) -> None:
         """Serve one connection to its end."""
         line = Line(connection)
+        try:
+            known = await self.recognise(line)
+        except ConnectionClosed:
+            return
+        except EtnetError as error:
+            await line.refuse(str(error))
+            return
         if self._num_open >= self.most_connections:
             await line.refuse(self.crowded)
             return
         self._num_open += 1
         try:
-            await self.serve(line)
+            await self.serve(line, known)
         except ConnectionClosed:
             pass
         finally:
             self._num_open -= 1
 
     @abstractmethod
-    async def serve(self, line: Line) -> None:
+    async def recognise(self, line: Line) -> Known:
+        """Hear the greeting and find what its ticket is for.
+
+        Raises:
+            EtnetError: nothing; the page is told.
+            ConnectionClosed: it has gone.
+        """
+
+    @abstractmethod
+    async def serve(self, line: Line, known: Known) -> None:
         """What this endpoint is for. A connection that closes may raise through it."""

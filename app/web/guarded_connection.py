@@ -19,6 +19,8 @@ from app.web.peer import LOOPBACK_PEERS
 
 MOST_CONNECTIONS = 256
 """Of one address at once, whatever they ask for."""
+ASKED = 10.0
+"""Seconds from a connection's begin until its request is there."""
 PIECE = 8192
 """Bytes that are looked at in one go: what is cut off by what it sends is not read further."""
 ODD_RATE, ODD_BURST = 20.0, 300.0
@@ -43,6 +45,7 @@ class GuardedConnection(ServerConnection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """One of too many of its address is ended at once: each takes a file of this process."""
         super().connection_made(transport)
+        self._asks_until = self.loop.call_later(ASKED, self._end_unasked)
         peer = transport.get_extra_info("peername")
         address = str(peer[0]) if peer else ""
         if self._is_behind_proxy and address in LOOPBACK_PEERS:
@@ -54,11 +57,16 @@ class GuardedConnection(ServerConnection):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """As in websockets."""
+        self._asks_until.cancel()
         if self._counts_for:
             self._open_now[self._counts_for] -= 1
             if not self._open_now[self._counts_for]:
                 del self._open_now[self._counts_for]
         super().connection_lost(exc)
+
+    def _end_unasked(self) -> None:
+        if self.request is None:
+            self.transport.abort()
 
     def data_received(self, data: bytes) -> None:
         """Look at the first bytes: websockets knows GET alone."""

@@ -33,12 +33,14 @@ SILENCE = 20.0
 MOST_SOCKETS = 64
 """Websockets of one address at once. All that comes through a proxy on this machine is told apart by what it says."""
 MOST_SILENT = 32
-"""Of one address, beside these, that have not said yet where they look. For one more the oldest of them goes: who opens
-sockets and says nothing keeps nobody else of the same address out."""
+"""Of one address, beside these, that have not said yet where they look or what they bring. For one more the oldest of
+them goes: who opens sockets and says nothing keeps nobody else of the same address out."""
 RATE, BURST = 150.0, 300.0
 """Messages a second of one page that are read, and how many may come at once. A page that sends more waits."""
 CLOSING = 1.0
 """Seconds that a page has for ending a connection that is closed on it."""
+ANSWERED = 60.0
+"""Seconds from a connection's begin until its answer is taken: the page's 668 kB over a line of 11 kB/s."""
 
 Widget = Callable[[ServerConnection, str], Any]
 """The widget of a connection's page by its id; `None` where there is none."""
@@ -65,6 +67,7 @@ def guarding(guard: AccessControl, widget: Widget = lambda connection, uuid: Non
             # A few hundred bytes would unpack to a whole message before it is counted; viser packs by itself.
             "compression": None,
             "close_timeout": CLOSING,
+            "open_timeout": ANSWERED,  # of the request itself `GuardedConnection` is the judge
         }
         return original(gate.handle, *args, process_request=gate.ask, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
@@ -109,6 +112,9 @@ class Gate:
     def dress(self, connection: ServerConnection, request: Request, response: Response) -> None:
         """What every answer carries."""
         self._guard.secured(response)
+        if response.status_code != 101:
+            # It counts as sent when none of it waits here any more: what still waits then is thrown away.
+            connection.transport.set_write_buffer_limits(0, 0)
 
     async def handle(self, connection: ServerConnection) -> None:
         """Serve a websocket to its end."""
@@ -117,7 +123,9 @@ class Gate:
         address = address_of(connection, connection.request, behind_proxy=self._guard.public is not None)
         door = self._guard.doors.get(urlsplit(connection.request.path).path)
         if door is not None:
-            with self._counted(address):
+            with ExitStack() as stack:
+                stack.enter_context(self._listed_silent(connection, address))
+                _on_first(connection, lambda: self._speaks(stack, address))
                 await door(connection)
         elif connection.subprotocol != f"viser-v{viser.__version__}":
             # By the code viser's page knows what to say; a stranger is not told what runs here.
@@ -129,7 +137,7 @@ class Gate:
                 await self._handler(connection)
 
     def _speaks(self, stack: ExitStack, address: str) -> None:
-        """A page has said where it looks: it counts among the others of its address from now on."""
+        """A page has said where it looks, or what it brings: it counts among the others of its address from now on."""
         stack.close()
         stack.enter_context(self._counted(address))
 
@@ -206,6 +214,19 @@ class Checked:
             await asyncio.wait_for(self._connection.close(1008, "not what this page sends"), CLOSING)
             return
         self._connection.transport.abort()
+
+
+def _on_first(connection: ServerConnection, tell: Callable[[], object]) -> None:
+    """Tell of the first message that a connection receives."""
+    receive = connection.recv
+
+    async def recv(decode: bool | None = None) -> str | bytes:
+        message = await receive(decode)
+        connection.recv = receive  # pyright: ignore[reportAttributeAccessIssue]
+        tell()
+        return message
+
+    connection.recv = recv  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def address_of(connection: ServerConnection, request: Request, behind_proxy: bool) -> str:

@@ -140,6 +140,11 @@ def _welcome(
     """Who has a place: who was told to come later looks on, and has none."""
     upkeep = IdleMemory()
 
+    def build(client: viser.ClientHandle) -> VisitorSession | None:
+        """`None` for a page that has gone while it waited for a worker: pages that come and go by the hundred would
+        keep the workers from everybody's files and cameras, too."""
+        return visit(client) if client.client_id in server.get_clients() else None
+
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
         upkeep.while_here(lambda: bool(server.get_clients()))
@@ -148,7 +153,9 @@ def _welcome(
             return
         admitted.add(client.client_id)
         # A session is built in a worker: laying out a page would hold up every other visitor's clicks.
-        built = await asyncio.to_thread(visit, client)
+        built = await asyncio.to_thread(build, client)
+        if built is None:
+            return
         if client.client_id in server.get_clients():
             visits[client.client_id] = built
         else:

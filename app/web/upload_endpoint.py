@@ -8,19 +8,31 @@ messages of at most `CHUNK`, no more than `AHEAD` beyond what was acknowledged. 
 from __future__ import annotations
 
 import asyncio
+from dataclasses import dataclass
 from typing import ClassVar
 
 from app.catalogue.uploads import Uploads
-from app.catalogue.visitor_uploads import Transfer, UploadError
+from app.catalogue.visitor_uploads import Transfer, UploadError, VisitorUploads
 from app.web.endpoint import Endpoint, Line
 
 PATH = "/upload"
 CHUNK = 256 << 10
+LARGEST_BITS = 63
+"""Of the size of a file, in bytes."""
 SILENCE = 30.0
 """Seconds without a byte after which a transfer is given up."""
 
 
-class UploadEndpoint(Endpoint):
+@dataclass(frozen=True, slots=True)
+class Announced:
+    """A file that a page wants to send: to which desk, its name and bytes."""
+
+    desk: VisitorUploads
+    name: str
+    size: int
+
+
+class UploadEndpoint(Endpoint[Announced]):
     """Lets files in for a server; what touches the disk runs in workers."""
 
     most_connections: ClassVar[int] = 32
@@ -31,12 +43,15 @@ class UploadEndpoint(Endpoint):
         super().__init__()
         self._uploads = uploads
 
-    async def serve(self, line: Line) -> None:
+    async def recognise(self, line: Line) -> Announced:
+        """What a page says of its file, and the desk that its ticket is for."""
+        ticket, name, size = await _greeting(line)
+        return Announced(self._uploads.desk_of(ticket), name, size)
+
+    async def serve(self, line: Line, known: Announced) -> None:
         """Take one file."""
         try:
-            ticket, name, size = await _greeting(line)
-            desk = self._uploads.desk_of(ticket)
-            transfer = await asyncio.to_thread(desk.begin, name, size)
+            transfer = await asyncio.to_thread(known.desk.begin, known.name, known.size)
         except UploadError as error:
             await line.refuse(str(error))
             return
@@ -55,7 +70,10 @@ class UploadEndpoint(Endpoint):
 async def _greeting(line: Line) -> tuple[str, str, int]:
     try:
         said = await line.greeting()
-        return str(said["ticket"]), str(said["name"]), int(said["size"])
+        size = int(said["size"])
+        if size.bit_length() > LARGEST_BITS:
+            raise ValueError("no file is as large")
+        return str(said["ticket"]), str(said["name"]), size
     except TimeoutError:
         raise UploadError("nothing was said about the file; load the page again") from None
     except (ValueError, TypeError, KeyError, OverflowError):
@@ -71,6 +89,8 @@ async def _take(line: Line, transfer: Transfer) -> str:
             raise UploadError(f"{transfer.title}: nothing came for {SILENCE:.0f} s; send it again") from None
         if not isinstance(chunk, bytes):
             raise UploadError(f"{transfer.title}: words came where its bytes were expected; load the page again")
+        if not chunk:  # it would be time won for nothing, again and again
+            raise UploadError(f"{transfer.title}: a message without bytes came; send it again")
         await asyncio.to_thread(transfer.take, chunk)
         await line.say(got=transfer.received)
     await _nothing_more(line, transfer)

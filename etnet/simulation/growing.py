@@ -119,10 +119,9 @@ class GrowingVideo:
     def recording(self) -> Recording:
         """What there is by now; the same object while nothing was added."""
         with self._changed:
-            is_enough = len(self._stamps) >= 2 and self._shown.num_events
-            if self._trouble is not None and not is_enough:
+            if self._trouble is not None and not self._is_enough:
                 raise self._trouble
-            if self._file is None or self._frames is None or not is_enough:
+            if self._file is None or self._frames is None or not self._is_enough:
                 raise RecordingError(f"{self._name}: nothing moves in it, so an event sensor sees nothing")
             held = self._newest
             truth = held.ground_truth if held is not None else None
@@ -130,6 +129,16 @@ class GrowingVideo:
             if held is None or not is_same or (self._is_over and held.latest is not None):
                 self._newest = held = self._snapshot(self._file, self._frames.sensor, held)
             return held
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether an error ended it before there was anything to show; begun again, it may come to something."""
+        with self._changed:
+            return self._trouble is not None and not self._is_enough
+
+    @property
+    def _is_enough(self) -> bool:
+        return len(self._stamps) >= 2 and self._shown.num_events > 0
 
     @property
     def pace(self) -> Pace:

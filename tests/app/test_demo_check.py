@@ -3,6 +3,7 @@
 import shutil
 import time
 from collections import namedtuple
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,6 +11,7 @@ from app import demo_check
 from app.config import ViewerConfig
 from app.demo_check import check_demo
 from app.main import Viewer, main
+from app.web.server import Address, free_port, start_server
 
 QUICK = {"model": "leaky-integrator", "port": 0, "roi": "86,60,60,44", "cache": "off", "budget": 64, "threads": 1}
 COMMAND = ["--demo", "--check"] + [word for name, value in QUICK.items() for word in (f"--{name}", str(value))]
@@ -106,3 +108,22 @@ def test_a_page_that_cannot_be_made_is_told(found, tried, monkeypatch):
     home = found()["take home"]
     assert not home.is_good
     assert "not made within" in home.words
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "0.0.0.0", "localhost"])
+@pytest.mark.parametrize("token", [None, "a b/ö&c=d"])
+def test_the_page_is_found_wherever_the_viewer_listens_and_whatever_its_token(host, token):
+    server = start_server(Address(host, token=token), free_port(host, 18_700), lambda client: None)
+    viewer = SimpleNamespace(token=token, host=host, port=server.get_port(), url="its address")
+    try:
+        page, guard = demo_check._pages(viewer), demo_check._foreign(viewer)
+    finally:
+        server.stop()
+    assert page.is_good, page.words
+    assert guard.is_good, guard.words
+
+
+@pytest.mark.parametrize(("host", "reached"), [("::", "[::1]"), ("fe80::1", "[fe80::1]"), ("0.0.0.0", "127.0.0.1")])
+def test_an_address_with_colons_stands_in_brackets(host, reached):
+    viewer = SimpleNamespace(token=None, host=host, port=8080)
+    assert demo_check._local(viewer, "") == f"http://{reached}:8080/"

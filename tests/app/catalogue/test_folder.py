@@ -1,9 +1,15 @@
 """What is found in a watched folder lies in it, each once, however its links are laid."""
 
+import errno
+import os
+from pathlib import Path
+
 import pytest
 
 from app.catalogue import folder
 from app.catalogue.folder import recordings_in
+from app.catalogue.models import offered_models
+from app.config import ViewerConfig
 
 
 @pytest.fixture(name="watched")
@@ -49,3 +55,40 @@ def test_of_very_many_folders_some_are_looked_into(watched, monkeypatch):
     for number in range(5):
         (watched / f"empty{number}").mkdir()
     assert names_in(watched) == ["a.txt"]
+
+
+def deny(monkeypatch, closed, names=("stat", "lstat", "listdir", "scandir")):
+    """Nothing below `closed` can be looked at, as where its mode lacks r and x; root, who may run this, always can."""
+
+    def guarded(original, is_listing):
+        def call(path=".", *args, **more):
+            asked = Path(path) if isinstance(path, str | Path) else Path()
+            if closed in asked.parents or (is_listing and asked == closed):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+            return original(path, *args, **more)
+
+        return call
+
+    for name in names:
+        monkeypatch.setattr(os, name, guarded(getattr(os, name), name in ("listdir", "scandir")))
+
+
+def test_a_folder_that_may_not_be_looked_into_holds_nothing_and_hides_nothing_else(watched, monkeypatch):
+    closed = watched / "lost+found"
+    closed.mkdir()
+    (closed / "events.txt").write_text("0.1 1 1 1\n")
+    (closed / "own.safetensors").write_bytes(b"")
+    deny(monkeypatch, closed)
+    with pytest.raises(PermissionError):
+        (closed / "events.txt").is_file()
+    assert names_in(watched) == ["a.txt", "sub/b.txt"]
+    assert not any(model.id.startswith("data-") for model in offered_models(ViewerConfig(data=watched)))
+
+
+def test_weights_whose_folder_lets_itself_be_listed_and_no_more_are_no_networks(watched, monkeypatch):
+    closed = watched / "listed"
+    closed.mkdir()
+    (closed / "own.safetensors").write_bytes(b"")
+    deny(monkeypatch, closed, ("stat", "lstat"))
+    assert not any(model.id.startswith("data-") for model in offered_models(ViewerConfig(data=watched)))
+    assert names_in(watched) == ["a.txt", "sub/b.txt"]

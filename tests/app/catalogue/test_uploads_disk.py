@@ -2,10 +2,11 @@
 
 import errno
 import shutil
+from types import SimpleNamespace
 
 import pytest
 
-from app.catalogue.uploads import UploadLimits, Uploads
+from app.catalogue.uploads import SPARE_DISK, UploadLimits, Uploads
 from tests.app.catalogue.test_visitor_uploads import bring, refused, shelves, uploads  # noqa: F401
 
 
@@ -44,6 +45,22 @@ def test_a_transfer_that_is_stopped_on_a_full_disk_is_over(uploads):  # noqa: F8
     transfer.abort("stopped")
     assert (own_files.shown.coming, own_files.shown.refused, own_files.num_bytes) == (None, "stopped", 0)
     bring(own_files)
+
+
+def test_the_disk_is_not_promised_twice(shelves, monkeypatch):  # noqa: F811
+    roomy = Uploads(UploadLimits(10**6, 10**6), shelves.take_in, shelves.let_go)
+    free = SPARE_DISK + 1000
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free))
+    transfer = roomy.desk().begin("a.raw", 600)
+    assert "do not fit" in refused(lambda: roomy.desk().begin("b.raw", 500))
+    transfer.take(b"x" * 600)
+    free -= 600
+    refused(lambda: roomy.desk().begin("b.raw", 500))
+    bring(roomy.desk(), size=400)
+    transfer.abort("stopped")
+    free += 600
+    bring(roomy.desk(), size=600)
+    roomy.close()
 
 
 def test_what_the_system_says_of_the_folder_is_one_sentence_on_the_page(uploads, monkeypatch):  # noqa: F811

@@ -96,6 +96,51 @@ def test_a_simulation_is_one_for_all_who_look_and_ends_with_the_last(videos, vid
     assert videos.forgotten == ["v"]
 
 
+def test_a_video_that_failed_is_simulated_again_when_somebody_looks_again(videos, video, tmp_path):  # noqa: F811
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(b"no video yet")
+    for visitor in ("one", "other"):
+        videos.begin(visitor, "v", path, "clip")
+        with pytest.raises(EtnetError):
+            videos.open("v")
+    until(lambda: videos.has_failed("v"))
+    assert videos._films["v"].watchers == {"one", "other"}
+    path.write_bytes(video.read_bytes())
+    videos.begin("one", "v", path, "clip")
+    assert videos.open("v").name == "clip"
+    assert videos._films["v"].watchers == {"one", "other"}
+
+
+def test_a_video_that_failed_is_not_kept_among_those_that_are_whole(videos, tmp_path):
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(b"no video")
+    videos.begin("one", "v", path, "clip")
+    until(lambda: videos.has_failed("v"))
+    videos.watch("one", None)
+    assert videos.shown("v") is None
+
+
+def test_a_film_that_somebody_takes_while_it_is_let_go_is_theirs(video, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("app.catalogue.videos.QUIET", 0.01)
+    took = []
+
+    def forget(recording_id):
+        if not took:
+            took.append(recording_id)
+            made.begin("other", "v", video, "drift")
+
+    made = Videos(forget)
+    try:
+        made.begin("third", "u", video, "drift")
+        made.begin("one", "v", video, "drift")
+        made._films["u"].watchers.clear()
+        made.watch("one", None)  # "u" and "v" go; of "u" is told first
+        assert took == ["u"]
+        assert made.open("v").name == "drift"
+    finally:
+        made.close()
+
+
 def test_another_setting_ends_the_simulation_before_it(videos, tmp_path, monkeypatch):
     monkeypatch.setattr("app.catalogue.videos.QUIET", 30.0)
     path = write(tmp_path / "clip.mp4", drifting(6))
@@ -242,6 +287,13 @@ def test_a_handed_over_video_is_its_visitors_alone_and_its_simulations_go_with_i
             other.open(one)
         other.looks_at(one)
     assert catalogue.films._films == {}
+    entry = catalogue.entry(arrived)
+    entry.path.write_bytes(b"cut off")
+    own.looks_at(anew)
+    with pytest.raises(EtnetError):
+        own.open(anew)
+    until(lambda: catalogue.films.has_failed(anew))
+    entry.path.write_bytes(content)
     own.looks_at(anew)
     assert own.open(anew).name == "holiday.mp4"
     assert own.film(anew).setting == FilmSetting(0.4, 0.0)

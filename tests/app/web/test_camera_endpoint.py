@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.catalogue import mirror as mirrors
 from app.catalogue.mirror import SENSOR, Mirrors
-from app.web import camera_endpoint
+from app.web import camera_endpoint, guarding
 from app.web.camera_endpoint import PATH, CameraEndpoint
 from app.web.server import Address, free_port, start_server
 
@@ -185,13 +185,31 @@ def test_one_more_than_there_is_room_for_is_told_so(monkeypatch):
         async with connect(address) as first, connect(address) as second:
             await first.send(json.dumps({"ticket": mirror.ticket}))
             await heard(first)
+            await second.send(json.dumps({"ticket": made.mirror().ticket}))
             assert "many cameras" in (await heard(second))["refused"]
         why = "many cameras"
         while "many cameras" in why:
             async with connect(address) as third:
-                with contextlib.suppress(ConnectionClosed):  # it may be refused before a word is said
-                    await third.send(json.dumps({"ticket": "guessed"}))
-                why = (await heard(third))["refused"]
+                await third.send(json.dumps({"ticket": made.mirror().ticket}))
+                why = (await heard(third)).get("refused", "")
+        assert why == ""
+
+    run(story)
+
+
+def test_who_says_nothing_keeps_nobodys_camera_out(monkeypatch):
+    monkeypatch.setattr(CameraEndpoint, "most_connections", 2)
+    monkeypatch.setattr(guarding, "MOST_SOCKETS", 2)
+    monkeypatch.setattr(guarding, "MOST_SILENT", 3)
+
+    async def story(made, address):
+        async with contextlib.AsyncExitStack() as stack:
+            silent = [await stack.enter_async_context(connect(address)) for _ in range(5)]
+            camera = await stack.enter_async_context(connect(address))
+            await camera.send(json.dumps({"ticket": made.mirror().ticket}))
+            assert await heard(camera) == {"go": [SENSOR.width, SENSOR.height]}
+            for gone in silent[:2]:
+                await asyncio.wait_for(gone.wait_closed(), 60)
 
     run(story)
 

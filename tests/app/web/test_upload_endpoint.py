@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.catalogue.uploads import UploadLimits
 from app.web.guarding import LARGEST_MESSAGE
-from app.web.upload_endpoint import CHUNK
+from app.web.upload_endpoint import CHUNK, UploadEndpoint
 from tests.app.stand_ins import Browser, held_files, served
 
 LIMITS = UploadLimits(visitor_bytes=1_000_000, total_bytes=2_000_000)
@@ -116,6 +116,29 @@ def test_a_removed_file_leaves_the_page_on_another_recording(viewer):
     story(viewer, tell)
 
 
+def test_messages_without_bytes_do_not_keep_a_transfer_waiting(viewer):
+    async def tell(browser, ticket):
+        async with Sender.open(viewer) as sender:
+            await sender.greet(ticket=ticket, name="a.raw", size=1000)
+            await sender.socket.send(b"")
+            assert "without bytes" in (await sender.hear())["refused"]
+            assert await sender.until_over() == []
+        await settled(lambda: held_files(viewer.uploads) == [])
+
+    story(viewer, tell)
+
+
+def test_who_says_nothing_keeps_nobodys_file_out(viewer, monkeypatch):
+    monkeypatch.setattr(UploadEndpoint, "most_connections", 1)
+
+    async def tell(browser, ticket):
+        async with Sender.open(viewer), Sender.open(viewer), Sender.open(viewer) as sender:
+            assert await sender.greet(ticket=ticket, name="a.raw", size=1000) == {"go": CHUNK}
+        await settled(lambda: held_files(viewer.uploads) == [])
+
+    story(viewer, tell)
+
+
 def test_what_says_it_is_too_large_is_refused_before_a_byte_is_taken(viewer):
     async def tell(browser, ticket):
         async with Sender.open(viewer) as sender:
@@ -199,6 +222,7 @@ def test_nobody_sends_without_a_pages_ticket_and_nonsense_is_refused(viewer):
             json.dumps({"ticket": "x" * 24, "name": "a", "size": 3}),
             json.dumps({"ticket": ticket, "name": "a", "size": "many"}),
             json.dumps({"ticket": ticket, "name": "a", "size": 1e400}),
+            json.dumps({"ticket": ticket, "name": "a", "size": "1" + "0" * 400}),
             json.dumps([1]),
             "[" * 4000,
             "{",
