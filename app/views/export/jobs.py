@@ -256,7 +256,7 @@ def _range_of(order: Order, loaded: LoadedPlayback) -> tuple[int, int]:
     last = max(num_windows - 1 if wanted.last is None else wanted.last, first)
     if last >= num_windows:
         raise WindowError(
-            f"windows {first} – {last} were ordered; there are 0 – {num_windows - 1}; set the marks anew, then order it"
+            f"windows {first} – {last} were ordered; there are 0 – {num_windows - 1}; set the marks again and export"
         )
     return first, last
 
