@@ -32,4 +32,4 @@ def test_the_training_commands_of_a_page_are_understood(page: Path):
 
 def test_the_default_weights_card_prints_the_runs_that_made_them():
     commands = training_commands(bundled_folder() / "models" / "etnet-half.md")
-    assert sum("--stages.0.updates" in command for command in commands) == 2
+    assert sum("--stages.0.updates" in command for command in commands) == 5
