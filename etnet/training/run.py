@@ -126,7 +126,10 @@ class Run:
         return share * self.reader.error(context[linear], targets[linear])
 
     def _pairs(self, stretch: Stretch, draw: Draw) -> Pairs | None:
-        """Scored frames that follow each other directly, from window L0 of their clip on."""
+        """Scored frames that follow each other directly, from window L0 of their clip on.
+
+        Clips are staggered, so that processes may hold unequally many.
+        """
         loss = self.config.loss
         if not loss.temporal or self.update < loss.temporal_after:
             return None
@@ -137,11 +140,12 @@ class Run:
             for lane in range(clips)
             if draw.scored[i + 1] == window + 1 and stretch.first_window[lane] + window + 1 >= loss.temporal_from
         ]
+        share = self.world.share_of(len(found), self.device)
         if not found:
             return None
         before, after, windows, lanes = (torch.tensor(column) for column in zip(*found, strict=True))
         moved = (there.to(self.device, non_blocking=True) for there in (before, after, stretch.flow[windows, lanes]))
-        return Pairs(*moved)
+        return Pairs(*moved, share=share)
 
     def checkpoint(self) -> Checkpoint:
         """This moment. Every process has to ask for it, as each holds its own clips' memory."""
