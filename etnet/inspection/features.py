@@ -136,7 +136,9 @@ def _passed(held: Held, feature: Feature, intervention: Intervention) -> Float[T
     if feature.kind == "tokens":
         return layer_tokens[0][0]
     kept = {"query": observer.queries, "key": observer.keys, "value": observer.values}[feature.kind]
-    by_head = kept[feature.site or ""]  # "heads n d"
+    by_head = kept.get(feature.site or "")  # "heads n d"
+    if by_head is None:
+        raise ModelError(f"{feature.site} is ablated here and has no {feature.kind}; reset it, or ask for its tokens")
     if feature.head is None:
         return rearrange(by_head, "h n d -> n (h d)")
     if not 0 <= feature.head < len(by_head):

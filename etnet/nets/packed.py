@@ -174,7 +174,7 @@ class PackedProjection(_Packed):
         self.memory = PackedLinear(layer, "none", layer, slice(dim, None))
 
     def __call__(self, query: Tensor, memory: Tensor) -> tuple[Tensor, ...]:
-        if not _applies(query, self.all.parameters[0]):
+        if not _applies(query, self.all.parameters[0], memory):
             return MultiHeadAttention._project(self.layer, query, memory)  # pyright: ignore[reportArgumentType]
         if query is memory:
             return self.all.product(query).chunk(3, dim=-1)
@@ -190,7 +190,7 @@ class PackedMemory(_Packed):
     layer: ConvLSTM
 
     def __call__(self, image: Tensor, memory: tuple[Tensor, Tensor] | None) -> tuple[Tensor, Tensor]:
-        if not _applies(image, self.layer.gates.weight):
+        if not _applies(image, self.layer.gates.weight, *(memory or ())):
             return self._own(image, memory)
         channels = image.shape[1]
         hidden, cell = memory if memory is not None else (torch.zeros_like(image), torch.zeros_like(image).float())
@@ -210,10 +210,10 @@ def _dtype_in_force() -> torch.dtype:
     return torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else torch.float32
 
 
-def _applies(values: Tensor, weight: Tensor) -> bool:
-    """Whether the packed kernels can take this call."""
+def _applies(values: Tensor, weight: Tensor, *others: Tensor) -> bool:
+    """Whether the packed kernels can take this call; `others` are read beside `values`."""
     if values.device.type != "cpu" or weight.device.type != "cpu" or weight.dtype != torch.float32:
         return False
-    if torch.is_grad_enabled() and (values.requires_grad or weight.requires_grad):
+    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (values, weight, *others)):
         return False
     return values.numel() > 0 and has_onednn()

@@ -140,7 +140,9 @@ class PIENet(Composed):
         image, skips, memory = events + frame, [], []
         for index, (level, pool) in enumerate(zip(self.levels, self.config.pools, strict=True)):
             before = None if state is None else (state.tensors[2 * index], state.tensors[2 * index + 1])
-            skip, after = level(image, None if index + 1 in intervention.zeroed_levels else before, description)
+            if index + 1 in intervention.zeroed_levels:
+                before = None
+            skip, after = level(image, before, description)
             memory += before if index + 1 in intervention.frozen_levels and before is not None else after
             skips.append(skip)
             image = max_pool2d(skip, pool)

@@ -109,6 +109,13 @@ def fold_batch_norms(released: Mapping[str, Tensor]) -> dict[str, Tensor]:
                 continue
             prefix = name.removesuffix(f"{norm}running_mean")
             parts = ("weight", "bias", "running_mean", "running_var")
+            needed = [*(f"{prefix}{norm}{part}" for part in parts), f"{prefix}{convolution}weight"]
+            missing = next((one for one in needed if one not in folded), None)
+            if missing is not None:
+                raise WeightsError(
+                    f"parameter {name} belongs to no batch norm behind a convolution ({missing} is not there); "
+                    "networks with batch norms or none can be converted, those with instance norms cannot"
+                )
             gamma, beta, mean, variance = (folded.pop(f"{prefix}{norm}{part}").double() for part in parts)
             folded.pop(f"{prefix}{norm}num_batches_tracked", None)
             weight = folded[f"{prefix}{convolution}weight"]

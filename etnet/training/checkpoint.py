@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from etnet.files import replacing
-from etnet.training.config import TrainConfig, TrainingError
+from etnet.training.config import TrainConfig, TrainingError, named
 
 LAST = "last.pt"
 BEST = "best.pt"
@@ -55,7 +55,7 @@ class Checkpoint:
     memory: tuple[Tensor, ...]
     """The recurrent state carried to the next update, of all processes' clips; empty before the first update."""
     best: float
-    """Lowest validation LPIPS so far."""
+    """Lowest validation LPIPS so far on the clips and recordings that `config` names."""
 
 
 def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
@@ -72,6 +72,17 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise TrainingError(f"{path}: not a checkpoint of a run ({error}); remove it or name another folder") from error
 
 
+def check_finite(checkpoint: Checkpoint) -> None:
+    """Raise if a weight, or its running mean, is NaN or infinite: from there no run can go on."""
+    for weights in (checkpoint.weights, checkpoint.averaged):
+        broken = next((name for name, value in weights.items() if not bool(torch.isfinite(value).all())), None)
+        if broken is not None:
+            raise TrainingError(
+                f"update {checkpoint.update}: the run has diverged ({broken} is no longer finite), and this is not "
+                f"saved; take up the {LAST} from before with a lower --optimiser.learning-rate and --changed"
+            )
+
+
 CHANGEABLE = (
     "out", "validation", "device", "threads", "minutes", "log_every", "checkpoint_every", "start", "initialise",
     "data.workers", "data.prefetch",
@@ -79,6 +90,11 @@ CHANGEABLE = (
 """Fields that may differ when a run is taken up: they change no weight that is still to come."""
 _OF_TRAINING = "dropout"
 """Of the network's fields the one that acts in training alone and has no weights."""
+_OF_NO_SCORE = (
+    "validation.every", "validation.other_densities",
+    "data.density", "data.gamma_share", "data.workers", "data.prefetch",
+)  # fmt: skip
+"""Fields of validation and data that change no validation LPIPS."""
 MOVABLE = ("data.photos", "data.cutouts")
 """Folders that may lie elsewhere when a run is taken up: their own names count."""
 
@@ -110,15 +126,26 @@ def check_continues(config: TrainConfig, checkpoint: Checkpoint, path: Path) -> 
         )
 
 
-def _comparable(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
+def validates_alike(config: TrainConfig, checkpoint: Checkpoint) -> bool:
+    """Whether this config scores the very clips and recordings that the checkpoint's `best` was told from."""
+    now, then = (
+        _comparable({part: plain.get(part) for part in ("validation", "data")}, left_out=_OF_NO_SCORE)
+        for plain in (config.as_plain(), checkpoint.config)
+    )
+    return now == then
+
+
+def _comparable(
+    plain: Mapping[str, object], before: str = "", left_out: Collection[str] = CHANGEABLE
+) -> dict[str, object]:
     """Each field under its whole name, "data.density", as far as it makes a run another."""
     found: dict[str, object] = {}
     for field, value in plain.items():
         name = before + field
-        if name in CHANGEABLE:
+        if name in left_out:
             continue
         if isinstance(value, Mapping):
-            found |= _comparable(value, f"{name}.")
+            found |= _comparable(value, f"{name}.", left_out)
         else:
-            found[name] = Path(value).name if name in MOVABLE and isinstance(value, str) else value
+            found[name] = named(Path(value)).name if name in MOVABLE and isinstance(value, str) else value
     return found

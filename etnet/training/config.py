@@ -25,6 +25,12 @@ def _require(holds: bool, what: str) -> None:
         raise TrainingError(what)
 
 
+def named(folder: Path) -> Path:
+    """A folder whose last part is a name: what ends in `.` or `..`, or says nothing, by its full path. A link keeps its
+    own name."""
+    return folder if folder.name not in ("", "..") else folder.resolve()
+
+
 def network_preset(name: str) -> ETNetConfig:
     """The configuration of an ET-Net preset."""
     config = PRESETS[name]
@@ -71,6 +77,10 @@ class DataConfig:
     `scene.max_speed_px` and the thresholds decide how much of it is reached."""
 
     def __post_init__(self) -> None:
+        # A run knows its folders of pictures by their names (`checkpoint.MOVABLE`), on any machine.
+        for name in ("photos", "cutouts"):
+            folder = getattr(self, name)
+            object.__setattr__(self, name, None if folder is None else named(folder))
         _require(0 <= self.gamma_share <= 1, f"DataConfig.gamma_share is {self.gamma_share}; wanted a share in 0 … 1")
         if self.density is not None:
             low, high = self.density

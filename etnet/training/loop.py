@@ -14,7 +14,7 @@ import torch
 
 from etnet.nets.etnet import ETNet
 from etnet.nets.precision import bf16_is_worth_trying
-from etnet.training.checkpoint import BEST, LAST, load_checkpoint, save_checkpoint
+from etnet.training.checkpoint import BEST, LAST, check_finite, load_checkpoint, save_checkpoint
 from etnet.training.config import TrainConfig, TrainingError
 from etnet.training.data import Stretch, stretches
 from etnet.training.devices import ahead, decided_device, finish, numbers_of
@@ -60,6 +60,8 @@ def train(
                 _save(run, last)
             if journal is not None:
                 journal.after_update(is_last)
+            else:
+                run.recent.clear()  # nobody reads them here
             if run.update % config.checkpoint_every == 0 or is_last:
                 _save(run, last)
             if is_last:
@@ -69,6 +71,7 @@ def train(
 
 def _save(run: Run, last: Path) -> None:
     checkpoint = run.checkpoint()
+    check_finite(checkpoint)  # in every process: all hold the same weights, and none waits for another then
     if run.world.leads:
         save_checkpoint(checkpoint, last)
     run.world.wait()
@@ -127,7 +130,8 @@ class Journal:
         self._other: list[Film] = [film.to(run.device) for film in other]
         self._log = RunLog(run.config.out, run.update)
         if run.update == 0:
-            self._log.write("config", 0, {"config": run.config.as_plain()})
+            started = {"start": run.started} if run.started else {}
+            self._log.write("config", 0, {"config": run.config.as_plain(), **started})
             self._validate()
         self._clock = time.perf_counter()
 

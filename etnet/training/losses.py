@@ -41,11 +41,15 @@ class Terms:
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """Which frames of a batch follow which (rows of the batch), and the flow from one to the other."""
+    """Which frames of a batch follow which (rows of the batch), and the flow from one to the other.
+
+    `share` is what their mean counts beside those of other processes (`World.share_of`).
+    """
 
     before: Tensor
     after: Tensor
     flow: Float[Tensor, "p 2 h w"]
+    share: Tensor | float = 1.0
 
 
 def score(
@@ -67,7 +71,7 @@ def score(
     tone = (avg_pool2d(prediction, PATCH) - avg_pool2d(target, PATCH)).abs().mean()
     temporal = zero
     if pairs is not None and len(pairs.before):
-        temporal = temporal_consistency(
+        temporal = pairs.share * temporal_consistency(
             prediction[pairs.before], prediction[pairs.after], target[pairs.before], target[pairs.after], pairs.flow
         )
     weighted = {

@@ -75,8 +75,8 @@ def away(config: TrainConfig) -> TrainConfig:
         device="auto" if config.device == "cpu" else config.device,
         data=replace(
             data,
-            photos=None if data.photos is None else Path("photos", data.photos.resolve().name),
-            cutouts=None if data.cutouts is None else Path("cutouts", data.cutouts.resolve().name),
+            photos=None if data.photos is None else Path("photos", data.photos.name),
+            cutouts=None if data.cutouts is None else Path("cutouts", data.cutouts.name),
         ),
         validation=replace(config.validation, recordings=()),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,15 @@ from etnet.nets.padding import PATCH, TokenGrid
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import Runtime, apply_runtime, device_of
 from etnet.nets.weights import load_weights
-from etnet.training.checkpoint import Checkpoint, RunningMean, check_continues, check_same_run, load_checkpoint
-from etnet.training.config import OptimiserConfig, TrainConfig
+from etnet.training.checkpoint import (
+    Checkpoint,
+    RunningMean,
+    check_continues,
+    check_same_run,
+    load_checkpoint,
+    validates_alike,
+)
+from etnet.training.config import OptimiserConfig, TrainConfig, TrainingError
 from etnet.training.context_reader import ContextReader, context_of
 from etnet.training.data import Stretch
 from etnet.training.devices import on_host
@@ -57,9 +64,13 @@ class Run:
     optimiser: Optimizer
     lpips: LPIPS
     reader: ContextReader
+    started: dict[str, Any] = field(default_factory=dict)
+    """Where it began from weights: the network's parameters that stayed "fresh", and the fields in which it "differs"
+    from theirs (theirs, its own), of which no shape tells."""
     update: int = 0
     state: State | None = None
     best: float = math.inf
+    """Lowest LPIPS on the config's validation; of another one it begins anew."""
     recent: list[dict[str, Tensor | float]] = field(default_factory=list)
     """Of each update since the log's last line; not read before the next one (`devices.numbers_of`)."""
 
@@ -126,7 +137,10 @@ class Run:
         return share * self.reader.error(context[linear], targets[linear])
 
     def _pairs(self, stretch: Stretch, draw: Draw) -> Pairs | None:
-        """Scored frames that follow each other directly, from window L0 of their clip on."""
+        """Scored frames that follow each other directly, from window L0 of their clip on.
+
+        Clips are staggered, so that processes may hold unequally many.
+        """
         loss = self.config.loss
         if not loss.temporal or self.update < loss.temporal_after:
             return None
@@ -137,11 +151,12 @@ class Run:
             for lane in range(clips)
             if draw.scored[i + 1] == window + 1 and stretch.first_window[lane] + window + 1 >= loss.temporal_from
         ]
+        share = self.world.share_of(len(found), self.device)
         if not found:
             return None
         before, after, windows, lanes = (torch.tensor(column) for column in zip(*found, strict=True))
         moved = (there.to(self.device, non_blocking=True) for there in (before, after, stretch.flow[windows, lanes]))
-        return Pairs(*moved)
+        return Pairs(*moved, share=share)
 
     def checkpoint(self) -> Checkpoint:
         """This moment. Every process has to ask for it, as each holds its own clips' memory."""
@@ -166,9 +181,10 @@ def begin(config: TrainConfig, world: World) -> Run:
     """A run at its start."""
     generator = torch.Generator().manual_seed(config.seed)
     model = build_model(config.network, generator)
+    started: dict[str, Any] = {}
     if config.start is not None:
         without = DEEP_PATH if config.initialise == "local" else ()
-        take_fitting(model, load_weights(config.start).state_dict(), without)
+        started = _take_start(model, config.start, without)
     if config.initialise == "local":
         start_locally(model, generator)
     if config.initialise == "local-attention":
@@ -184,7 +200,23 @@ def begin(config: TrainConfig, world: World) -> Run:
     reader = ContextReader(config.network.dim, generator).to(device)
     optimiser = build_optimiser(model, reader.parameters(), config.optimiser)
     averaged, lpips = RunningMean(model, config.optimiser.ema), load_lpips().to(device)
-    return Run(config, world, model, averaged, optimiser, lpips, reader)
+    return Run(config, world, model, averaged, optimiser, lpips, reader, started)
+
+
+def _take_start(model: ETNet, path: Path, without: tuple[str, ...]) -> dict[str, Any]:
+    """Take what fits of a file's weights; what the log says of it (`Run.started`)."""
+    source = load_weights(path)
+    fresh = take_fitting(model, source.state_dict(), without)
+    # A bias or a norm may fit by chance: the tail's bias is one number in every network.
+    if all(name in fresh for name, value in model.state_dict().items() if value.ndim > 1):
+        raise TrainingError(
+            f"{path}: no layer of this {type(source).__name__} fits the network; choose the --config or --network "
+            "options that it was made with, or leave --start out to begin from nothing"
+        )
+    own = asdict(model.config)
+    theirs = {name: getattr(source.config, name, value) for name, value in own.items()}
+    others = {name: [theirs[name], value] for name, value in own.items() if theirs[name] != value}
+    return {"fresh": fresh, "differs": others}
 
 
 def resume(config: TrainConfig, world: World, path: Path, changed: bool = False) -> Run:
@@ -206,7 +238,8 @@ def resume(config: TrainConfig, world: World, path: Path, changed: bool = False)
     run.optimiser.load_state_dict(checkpoint.optimiser)
     for group, decay in zip(run.optimiser.param_groups, decays, strict=True):
         group["weight_decay"] = decay  # the config's, which torch replaces by the checkpoint's
-    run.update, run.best = checkpoint.update, checkpoint.best
+    run.update = checkpoint.update
+    run.best = checkpoint.best if validates_alike(config, checkpoint) else math.inf
     memory = () if changed and not _is_of_clips(checkpoint.memory, config, run.update) else checkpoint.memory
     lanes = world.lanes(memory[0].shape[0]) if memory else range(0)
     own = tuple(tensor[lanes.start : lanes.stop].clone().to(run.device) for tensor in memory)

@@ -86,6 +86,14 @@ def test_features_that_are_not_there_are_refused():
             wrong()
 
 
+def test_an_ablated_site_has_tokens_and_says_that_it_has_no_queries():
+    ablated = small_playback().branch(0, Intervention(removed_sites=frozenset({SITE})))
+    for kind in ("query", "key", "value"):
+        with pytest.raises(ModelError, match=rf"{SITE} is ablated here and has no {kind}"):
+            feature_map(ablated, INDEX, Feature(kind, SITE))
+    assert feature_map(ablated, INDEX, Feature("tokens", SITE)).values.any()
+
+
 @pytest.mark.parametrize("feature", [Feature("tokens", SITE), Feature("context"), Feature("hidden", level=1)])
 def test_the_basis_of_a_recording_is_fixed_whatever_was_looked_at_before(feature: Feature):
     fresh = fit_basis(sampled_maps(small_playback(), feature, 4, 2))

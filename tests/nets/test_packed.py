@@ -8,9 +8,11 @@ import pytest
 import torch
 
 from etnet.nets import packed
-from etnet.nets.attention import AttentionProbe
+from etnet.nets.attention import AttentionProbe, MultiHeadAttention, Observer
 from etnet.nets.attention_kernels import KERNELS
 from etnet.nets.base import Step
+from etnet.nets.intervention import ORIGINAL
+from etnet.nets.packed import pack, unpack
 from etnet.nets.presets import build_model
 from etnet.nets.runtime import AttentionPath, Contract, Runtime, apply_runtime, contract_of, default_runtime
 
@@ -121,6 +123,32 @@ def test_gradients_are_those_of_plain_torch():
         model(voxel).frame.sum().backward()
         gradients.append(voxel.grad)
     assert torch.equal(gradients[0], gradients[1])
+
+
+def test_a_gradient_that_comes_from_the_state_alone_is_that_of_plain_torch():
+    gradients = []
+    for runtime in (Runtime(), Runtime(packed=True)):
+        model = _model("tiny", runtime)
+        first, second = _voxels(2)
+        first.requires_grad_()
+        model(second, model(first).state).frame[0, 0, 20, 20].backward()
+        assert first.grad is not None
+        gradients.append(first.grad)
+    assert gradients[0].abs().max() > 0
+    torch.testing.assert_close(gradients[1], gradients[0], atol=1e-5 * float(gradients[0].abs().max()), rtol=1e-3)
+
+
+def test_a_gradient_that_comes_from_the_memory_of_attention_is_that_of_plain_torch():
+    query, memory = _voxels(2, 7, 16)[:, 0, 0].unsqueeze(1).unbind()
+    attention = MultiHeadAttention(16, 2, "site").requires_grad_(False)
+    gradients = []
+    for prepare in (unpack, pack):
+        prepare(attention)
+        given = memory.clone().requires_grad_()
+        attention(query, given, Observer(None, ORIGINAL)).square().sum().backward()
+        assert given.grad is not None
+        gradients.append(given.grad)
+    torch.testing.assert_close(gradients[1], gradients[0], atol=1e-5, rtol=1e-4)
 
 
 def test_weights_that_change_are_packed_again():

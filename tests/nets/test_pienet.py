@@ -136,6 +136,19 @@ def test_levels_can_be_zeroed_and_frozen():
     assert not torch.equal(zeroed.tensors[0], plain.tensors[0])
 
 
+@pytest.mark.parametrize("preset", ["tiny", "firenet", "pie-net-lite"])
+def test_of_zeroed_and_frozen_zeroed_wins_in_every_network(preset: str):
+    model, level = build_model(preset), frozenset({1})
+    first, second = voxels(2, (40, 60))
+    with torch.inference_mode():
+        before = model(first).state
+        zeroed, both = (
+            model(second, before, intervention=Intervention(zeroed_levels=level, frozen_levels=frozen)).state
+            for frozen in (frozenset(), level)
+        )
+    assert all(map(torch.equal, both, zeroed))
+
+
 @pytest.mark.parametrize("name", PIENET_PRESETS)
 def test_convert_reads_both_files_of_the_package(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     weights = released(PIENET_PRESETS[name])

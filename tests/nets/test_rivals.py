@@ -172,6 +172,14 @@ def test_batch_norms_vanish_into_their_convolutions() -> None:
         np.testing.assert_allclose(block(image)[0].numpy(), expected, atol=1e-5)
 
 
+def test_an_instance_norm_is_refused_by_name() -> None:
+    statistics = {"running_mean": torch.zeros(8), "running_var": torch.ones(8), "num_batches_tracked": torch.tensor(9)}
+    released = released_e2vid("unetrecurrent")
+    released |= {f"unetrecurrent.encoders.0.conv.norm_layer.{name}": value for name, value in statistics.items()}
+    with pytest.raises(WeightsError, match=r"encoders\.0\.conv\.norm_layer\.running_mean .* instance norms cannot"):
+        e2vid_state_from_released(released)
+
+
 @pytest.mark.parametrize(
     ("name", "released", "preset"),
     [

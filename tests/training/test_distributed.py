@@ -4,7 +4,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from etnet.training.checkpoint import LAST, load_checkpoint
-from etnet.training.config import ContextConfig, Stage, TrainConfig, TrainingError
+from etnet.training.config import ContextConfig, LossConfig, Stage, TrainConfig, TrainingError
 from etnet.training.distributed import World
 from etnet.training.loop import train
 from etnet.training.run import begin
@@ -46,13 +46,16 @@ with joined() as world:
 
 def shared(out: Path) -> TrainConfig:
     """Twenty updates of four clips, with everything random switched on but dropout. In a folder "toned" eight, and so
-    many clips are gamma-coded that a process often has none that TPA is read of."""
+    many clips are gamma-coded that a process often has none that TPA is read of. In a folder "paired" eight, and one
+    process holds all frames whose consistency counts, now the first, now the second."""
     context = ContextConfig(skip_drop=0.5, skip_drop_end=0.5, blind_share=0.8)
-    is_toned = out.parent.name == "toned"
-    stages = (Stage(8 if is_toned else 20, size=(40, 48), clips=4),)
+    is_toned, is_paired = out.parent.name == "toned", out.parent.name == "paired"
+    stages = (Stage(8 if is_toned or is_paired else 20, size=(40, 48), clips=4),)
     config = micro(out, stages=stages, context=context, seed=2)
     if is_toned:
         config = replace(config, data=replace(config.data, gamma_share=0.6), loss=replace(config.loss, context=1.0))
+    if is_paired:
+        config = replace(config, loss=LossConfig(num_scored=2, temporal=2.0, temporal_from=2))
     return replace(config, network=replace(config.network, dropout=0.0))
 
 
@@ -79,11 +82,12 @@ def _apart(one: Mapping[str, Tensor], other: Mapping[str, Tensor]) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("clips", "most"), [("plain", 1e-5), ("toned", 5e-5)])
+@pytest.mark.parametrize(("clips", "most"), [("plain", 1e-5), ("toned", 5e-5), ("paired", 5e-5)])
 def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str, most: float):
     """A mean of means rounds otherwise than a mean, and AdamW's steps are as long where a gradient is next to nothing:
     hence `most`, which does not hold for every seed, and a hundredth of the way that the weights went. Over six seeds
-    each they lay .00003 to .004 of it apart; a process that trains on its own half of the clips alone .25 to 1."""
+    each ("paired": one) they lay .00003 to .004 of it apart; a process that trains on its own half of the clips alone
+    .25 to 1."""
     folder = tmp_path / clips
     two_processes(MEMBER, folder / "two")
     start = {name: weight.clone() for name, weight in begin(shared(folder / "one"), World()).model.state_dict().items()}
@@ -93,6 +97,27 @@ def test_two_processes_make_the_weights_of_one(tmp_path: Path, clips: str, most:
     assert _apart(one.weights, two.weights) < 0.01 * _apart(one.weights, start)
     for own, other in zip(one.memory, two.memory, strict=True):
         torch.testing.assert_close(own, other, atol=1e-4, rtol=1e-3)
+
+
+@dataclass(frozen=True)
+class Asked(World):
+    """Notes how many things the others were asked to count beside."""
+
+    counts: list[int] = field(default_factory=list)
+
+    def share_of(self, count: int, device: torch.device) -> float:
+        self.counts.append(count)
+        return 1.0
+
+
+@pytest.mark.parametrize(("first_window", "pairs"), [(0, [2, 2]), (99, [0, 0])])
+def test_the_others_are_asked_for_their_share_of_pairs_even_by_a_process_that_has_none(
+    tmp_path: Path, first_window: int, pairs: list[int]
+):
+    loss = LossConfig(num_scored=2, temporal=1.0, temporal_from=first_window, temporal_after=1)
+    world = Asked()
+    train(micro(tmp_path, loss=loss, stages=(Stage(3, size=(40, 48)),)), world)
+    assert world.counts == pairs
 
 
 @pytest.mark.slow

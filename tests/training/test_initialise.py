@@ -6,10 +6,14 @@ import torch
 
 from etnet.nets.attention import AttentionProbe
 from etnet.nets.etnet import ETNet
-from etnet.nets.presets import PRESETS, build_model
+from etnet.nets.firenet import FireNetConfig
+from etnet.nets.presets import PRESETS, NetworkConfig, build_model
 from etnet.nets.weights import save_weights
+from etnet.training.config import Stage, TrainingError
 from etnet.training.distributed import World
 from etnet.training.initialise import DEEP_PATH, start_locally, take_fitting
+from etnet.training.log import read_log
+from etnet.training.loop import train
 from etnet.training.run import begin
 from etnet.training.watch import health_of, mean_cosine, mean_spread
 from tests.training.micro import micro
@@ -68,6 +72,27 @@ def test_parts_that_fit_are_taken_and_the_others_named():
     for name, value in target.state_dict().items():
         assert torch.equal(value, before[name] if name in left else weights[name])
         assert (name in left) == (name.startswith(DEEP_PATH) or name == "head.conv.weight")
+
+
+@pytest.mark.parametrize("other", [FireNetConfig(), replace(PRESETS["tiny"], base_channels=8, dim=64)])
+def test_weights_of_which_no_layer_fits_begin_no_run(tmp_path: Path, other: NetworkConfig):
+    save_weights(build_model(other), tmp_path / "other.safetensors")
+    with pytest.raises(TrainingError, match=r"no layer of this (FireNet|ETNet) fits the network"):
+        begin(micro(tmp_path, start=tmp_path / "other.safetensors"), World())
+
+
+def test_the_log_tells_what_a_run_did_not_take_from_its_start(tmp_path: Path):
+    start, out = tmp_path / "start.safetensors", tmp_path / "run"
+    config = micro(out, start=start, stages=(Stage(1, size=(40, 48)),), initialise="default")
+    save_weights(build_model(replace(config.network, bins=3, heads=2, squash=4.0)), start)
+    train(config)
+    told = read_log(out)[0]["start"]
+    assert told["fresh"] == ["head.conv.weight"]
+    assert told["differs"] == {
+        "bins": [3, 5],
+        "heads": [2, config.network.heads],
+        "squash": [4.0, 0.0],
+    }
 
 
 def test_cosine_and_spread_know_the_two_ends():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -77,6 +79,16 @@ def test_the_total_is_the_weighted_sum_of_the_terms(images: torch.Tensor):
     expected = expected + 0.6 * 0.25 + 0.1 * 2 + 0.5 * terms.temporal
     assert torch.allclose(terms.total, expected)
     assert min(terms.numbers().values()) > 0
+
+
+def test_consistency_counts_by_the_share_of_pairs_that_a_process_holds(images: torch.Tensor):
+    pairs = Pairs(torch.tensor([0]), torch.tensor([1]), torch.zeros(1, 2, 40, 48))
+    whole, half = (
+        score(images, images.flip(0), LossConfig(temporal=1.0), load_lpips(), replace(pairs, share=share)).temporal
+        for share in (1.0, 0.5)
+    )
+    assert whole > 0
+    torch.testing.assert_close(half, whole / 2)
 
 
 def test_equal_images_cost_nothing(images: torch.Tensor):

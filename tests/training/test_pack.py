@@ -22,7 +22,7 @@ from etnet.nets.weights import load_weights
 from etnet.simulation.config import SceneConfig
 from etnet.simulation.pictures import PicturePool, is_held_out
 from etnet.training import needs, pack_pictures
-from etnet.training.checkpoint import LAST, load_checkpoint
+from etnet.training.checkpoint import LAST, Checkpoint, check_same_run, load_checkpoint
 from etnet.training.config import DataConfig, Stage, TrainConfig, TrainingError, ValidationConfig
 from etnet.training.loop import train
 from etnet.training.pack import away, source_archive, write_pack
@@ -101,6 +101,24 @@ def test_pictures_that_fit_are_the_same_files(tmp_path: Path):
     assert (photos.name, cutouts.name) == (config.data.photos.name, config.data.cutouts.name)
     assert bytes_in(photos) == bytes_in(config.data.photos)
     assert bytes_in(cutouts) == bytes_in(config.data.cutouts)
+
+
+@pytest.mark.parametrize("kind", ["link", "here", "above"])
+def test_a_run_knows_its_pictures_here_and_in_its_pack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str):
+    photos = tmp_path / "photos"
+    (photos / "inner").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(photos)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(photos)
+    given = {"link": tmp_path / "link", "here": Path(), "above": Path("inner", "..")}[kind]
+    config = micro(tmp_path / "run", data=DataConfig(photos=given, cutouts=given, windows=4, workers=0))
+    there = away(config)
+    assert there.data.photos == Path("photos", "link" if kind == "link" else "photos")
+    monkeypatch.chdir(elsewhere)
+    for one, other in ((config, there), (there, config)):
+        checkpoint = Checkpoint(0, other.as_plain(), {}, {}, {}, {}, (), best=1.0)
+        check_same_run(one, checkpoint, Path(LAST))
 
 
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.3])

@@ -1,4 +1,5 @@
 import json
+import math
 import os
 import signal
 import subprocess
@@ -16,12 +17,20 @@ from etnet.errors import EtnetError
 from etnet.nets.weights import load_weights, save_weights
 from etnet.training import loop
 from etnet.training.checkpoint import LAST, load_checkpoint, save_checkpoint
-from etnet.training.config import DataConfig, LossConfig, OptimiserConfig, Stage, TrainingError, ValidationConfig
+from etnet.training.config import (
+    DataConfig,
+    LossConfig,
+    OptimiserConfig,
+    Stage,
+    TrainConfig,
+    TrainingError,
+    ValidationConfig,
+)
 from etnet.training.distributed import World
 from etnet.training.export import exported
 from etnet.training.log import read_log
 from etnet.training.loop import train
-from etnet.training.run import begin, learning_rate_at
+from etnet.training.run import begin, learning_rate_at, resume
 from tests.training.micro import micro
 
 
@@ -171,6 +180,48 @@ def test_a_torn_write_leaves_the_old_checkpoint(tmp_path: Path, monkeypatch: pyt
         save_checkpoint(run.checkpoint(), tmp_path / LAST)
     assert load_checkpoint(tmp_path / LAST).update == 1
     assert not list(tmp_path.glob("*.tmp"))
+
+
+def test_a_run_that_diverges_keeps_its_last_finite_checkpoint(tmp_path: Path):
+    config = micro(tmp_path, stages=(Stage(3, size=(40, 48)),))
+    train(config)
+    kept = (tmp_path / LAST).read_bytes()
+    longer = replace(config, stages=(Stage(6, size=(40, 48)),))
+    too_fast = replace(longer, optimiser=replace(config.optimiser, learning_rate=1e30))
+    with pytest.raises(TrainingError, match=r"update 6: the run has diverged .* lower --optimiser"):
+        train(too_fast, changed=True)
+    assert (tmp_path / LAST).read_bytes() == kept
+    assert train(longer, changed=True).update == 6
+
+
+def test_the_best_score_is_one_on_the_present_validation(tmp_path: Path):
+    validation = ValidationConfig(every=1, clips=1, windows=2, size=(40, 48), score_every=1)
+    config = micro(tmp_path, stages=(Stage(1, size=(40, 48)),), validation=validation)
+    best = train(config).best
+    assert best < math.inf
+
+    def taken_up(now: TrainConfig) -> float:
+        return resume(now, World(), tmp_path / LAST, changed=True).best
+
+    longer, data = replace(config, stages=(Stage(2, size=(40, 48)),)), config.data
+    for same in (
+        longer,
+        replace(longer, validation=replace(validation, every=5, other_densities=(1.0,))),
+        replace(longer, data=replace(data, workers=1, density=(0.1, 2.0))),
+    ):
+        assert taken_up(same) == best
+    for other in (
+        replace(longer, validation=replace(validation, windows=3)),
+        replace(longer, validation=replace(validation, recordings=(tmp_path / "real.h5",))),
+        replace(longer, data=replace(data, target_tone="srgb")),
+        replace(longer, data=replace(data, photos=tmp_path)),
+    ):
+        assert taken_up(other) == math.inf
+
+
+def test_a_process_that_writes_no_log_keeps_no_numbers(tmp_path: Path):
+    assert train(micro(tmp_path), World(rank=1)).recent == []
+    assert not list(tmp_path.iterdir())
 
 
 def test_another_config_is_refused_by_name(tmp_path: Path):
