@@ -21,6 +21,8 @@ from etnet.events.triggers import Triggers
 from etnet.files import in_megabytes
 
 _LARGEST_TABLE = 256 << 20
+_MOST_DIGITS = 27
+"""Before the point. To write out 10⁹⁹⁹⁹⁹⁹ as a whole number takes minutes."""
 _PER_NANOSECOND = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9}
 _NAMES = (
     "timestamp",
@@ -101,8 +103,9 @@ def read_moments(path: Path, span: Span, unit: str | None = None) -> Moments:
         said = f"{len(values)} stamps of {path.name}, taken for {unit}: {why}"
     else:
         said = f"{len(values)} stamps of {path.name} in {unit}"
-    scaled = [int((value * _PER_NANOSECOND[unit]).to_integral_value()) for value in values]
-    if max(map(abs, scaled)) >= 2**63:
+    is_time = all(value.adjusted() <= _MOST_DIGITS for value in values)
+    scaled = [int((value * _PER_NANOSECOND[unit]).to_integral_value()) for value in values if is_time]
+    if not is_time or max(map(abs, scaled)) >= 2**63:
         raise RecordingError(
             f"{path.name}: its stamps, taken for {unit}, are no time; state the unit with --stamps-unit"
         )

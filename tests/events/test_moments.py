@@ -60,7 +60,9 @@ def test_a_stated_unit_wins(tmp_path):
     assert read_moments(path, SPAN, "ms").stamps.tolist() == [1000, 2000, 3000]
 
 
-@pytest.mark.parametrize("text", ["", "# nothing\n", "t\n1\nx\n", "1\nnan\n", "1e400\n", "\x00\x01\n"])
+@pytest.mark.parametrize(
+    "text", ["", "# nothing\n", "t\n1\nx\n", "1\nnan\n", "1e400\n", "1e999999\n", "1e999980\n", "\x00\x01\n"]
+)
 def test_what_is_no_table_of_stamps_is_one_line(text, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(text)

@@ -304,6 +304,23 @@ def test_a_long_hdf5_file_gets_its_index_in_the_background(layout, tmp_path, mon
         assert [recording.index_at(t) for t in stamps] == wanted
 
 
+@pytest.mark.parametrize("place", [0, -1])
+def test_a_kept_index_of_other_stamps_is_made_again(place, tmp_path):
+    events, path = make_events(250_000), tmp_path / "a.h5"
+    write_recording(recording_of_events(events), path, "dsec")
+    with open_recording(path) as recording:
+        wait_for(lambda: recording.source.bracket(25_000) is not None)
+    (kept,) = index_folder().iterdir()
+    stamps = load_index(kept)["stamps"]
+    stamps[place] -= 5
+    save_index(kept, {"stamps": np.sort(stamps)})
+    with open_recording(path) as recording:
+        wait_for(lambda: recording.source.bracket(25_000) is not None)
+        for t in (0, 25_000, 49_999):
+            assert recording.index_at(t) == np.searchsorted(events.t, t)
+    assert load_index(kept)["stamps"].tolist() == events.t[:: 1 << 16].tolist()
+
+
 @pytest.mark.parametrize("kind", ["columns", "pieces"])
 def test_a_long_recording_in_a_folder_gets_its_index_each_time(kind, tmp_path):
     events, folder = make_events(250_000), tmp_path / "rec"

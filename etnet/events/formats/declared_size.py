@@ -10,6 +10,7 @@ import numpy as np
 
 from etnet.errors import RecordingError
 from etnet.events.events import Sensor
+from etnet.events.formats.base import Request
 from etnet.events.formats.bounds import ANY_PIXELS, declared_sensor
 from etnet.events.formats.column_finder import Tree
 
@@ -17,6 +18,16 @@ _WIDTHS = ("width", "sensor_width", "image_width", "w", "cols", "num_cols", "res
 _HEIGHTS = ("height", "sensor_height", "image_height", "h", "rows", "num_rows", "res_y")
 _BOTH = ("resolution", "sensor_size", "sensor_resolution", "geometry", "image_size", "img_size", "size")
 _CALIBRATIONS = ("", "calib/", "calibration/", "intrinsics/", "meta/", "info/")
+
+
+def unless_stated(request: Request, read: Callable[[], Sensor | None]) -> Sensor | None:
+    """What `read` finds declared. Nonsense is an error that says to state the size; where one is stated, it is none."""
+    try:
+        return read()
+    except RecordingError:
+        if request.assume.sensor is None:
+            raise
+        return None
 
 
 def size_beside(tree: Tree, where: str, attributes: Callable[[str], Mapping[str, Any]], name: str) -> Sensor | None:
@@ -38,7 +49,10 @@ def sensor_resolution(value: Any, name: str) -> Sensor | None:
         return None
     sides = np.asarray(value).ravel()
     if sides.size < 2 or sides.dtype.kind not in "iuf" or not bool((sides[:2] >= 1).all()):
-        raise RecordingError(f"{name}: its attribute sensor_resolution is {value}; wanted (height, width)")
+        raise RecordingError(
+            f"{name}: its attribute sensor_resolution is {str(value)[:40]}; wanted (height, width): "
+            "state the size with --assume width=…,height=…"
+        )
     return declared_sensor(sides[1], sides[0], f"{name}: its attribute sensor_resolution", ANY_PIXELS)
 
 

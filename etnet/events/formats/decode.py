@@ -147,6 +147,8 @@ def collect(
             ordered, nowhere = filling.fill(columns, piece, cache.num_events)
             kept = strays.weed(columns, nowhere, sensor, cache.num_events)
             if kept:
+                # The only steps back may have been those of events that are gone.
+                ordered = ordered or (kept < len(columns.t) and is_ordered(columns.t[:kept]))
                 order.look(columns.t[:kept], cache.num_events, ordered)
             cache.keep(kept)
         request.progress(min(whole.fraction, 0.99))

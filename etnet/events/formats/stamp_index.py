@@ -15,6 +15,9 @@ from etnet.events.formats.base import Request, contained
 from etnet.events.index_store import index_path, load_index, save_index
 from etnet.events.recording import INDEX_BLOCK
 
+_DECODING = 1
+"""Raised when stamps are turned into µs in another way: what was kept before is then made again."""
+
 _PAUSE = 0.001
 """Seconds between two looks, in which those who read events get the lock."""
 
@@ -34,7 +37,7 @@ class StampIndex:
         self._stamps: Int64[np.ndarray, " blocks"] | None = None
         self._path = _path_of(request, num_events)
         kept = None if self._path is None else load_index(self._path)
-        if kept is not None and kept.get("stamps", np.empty(0)).shape == (self._num_blocks,):
+        if kept is not None and self._holds(kept.get("stamps", np.empty(0))):
             self._stamps = kept["stamps"]
             return
         self._thread = Thread(target=self._gather, name=f"index of {request.name}", daemon=True)
@@ -51,6 +54,13 @@ class StampIndex:
             return None
         block = max(0, int(np.searchsorted(self._stamps, t)) - 1)
         return block * INDEX_BLOCK, min((block + 1) * INDEX_BLOCK, self._num_events)
+
+    def _holds(self, stamps: Int64[np.ndarray, " blocks"]) -> bool:
+        """Whether it was made of these stamps, in the unit that they are judged to have now."""
+        if stamps.shape != (self._num_blocks,):
+            return False
+        places = (0, (self._num_blocks - 1) * INDEX_BLOCK)
+        return all(int(self._read_stamps(place, place + 1)[0]) == stamps[place // INDEX_BLOCK] for place in places)
 
     def stop(self) -> None:
         """Give up gathering; the file may be closed afterwards."""
@@ -82,4 +92,4 @@ def _path_of(request: Request, num_events: int) -> Path | None:
     if request.path.is_dir():
         return None
     # A stated unit changes the stamps.
-    return index_path(request.path, f"stamps of {num_events}, unit {request.assume.time_unit}")
+    return index_path(request.path, f"stamps of {num_events}, unit {request.assume.time_unit}, {_DECODING}")

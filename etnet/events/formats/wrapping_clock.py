@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Int64
@@ -23,6 +23,9 @@ _OTHER_WIDTHS = (16, 24, 31, 34)
 _NARROW_EDGE = 512
 """The same of those, of which it must be more certain: a clock may have been restarted there by chance."""
 
+_FEW = 10
+"""Stamps after a leap to the end of the clock that are strays, if it then falls back: a clock that turns gets there."""
+
 _NONE = np.empty(0, np.int64)
 
 
@@ -30,7 +33,8 @@ _NONE = np.empty(0, np.int64)
 class WrappingClock:
     """Goes on where a clock wraps, piece by piece. `bits` is its width, as soon as it turned once."""
 
-    last: int | None = None
+    recent: Int64[np.ndarray, " few"] = field(default_factory=lambda: _NONE)
+    """The last stamps before the next piece, as they were stored."""
     turns: int = 0
     bits: int = 0
 
@@ -41,9 +45,9 @@ class WrappingClock:
         """
         if len(t) == 0:
             return t
-        goes_on = ordered and (self.last is None or int(t[0]) >= self.last)
+        goes_on = ordered and (len(self.recent) == 0 or t[0] >= self.recent[-1])
         turned = _NONE if goes_on else self._turns(t)
-        self.last = int(t[-1])
+        self.recent = np.concatenate([self.recent, t[-_FEW - 1 :]])[-_FEW - 1 :]
         if self.turns == 0 and len(turned) == 0:
             return t
         shift = np.zeros(len(t), np.int64)
@@ -54,15 +58,17 @@ class WrappingClock:
 
     def _turns(self, t: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, " m"]:
         """Where stamps fall from the end of the clock to its beginning; any other step back is no turn."""
-        steps = np.diff(t, prepend=t[:1] if self.last is None else self.last)
-        back = np.flatnonzero(steps < 0)
-        after = t[back]
+        known = np.concatenate([self.recent, t])
+        steps = np.diff(known, prepend=known[:1])
+        back = len(self.recent) + np.flatnonzero(steps[len(self.recent) :] < 0)
+        after = known[back]
         before = after - steps[back]
         for bits in (self.bits,) if self.bits else (32, *_OTHER_WIDTHS):
             is_turn = _is_turn(before, after, bits, is_signed=int(t.min()) < 0)
-            if is_turn.any():
+            turned = _without_strays(back[is_turn], steps, bits) if is_turn.any() else _NONE
+            if len(turned):
                 self.bits = bits
-                return back[is_turn]
+                return turned - len(self.recent)
         return _NONE
 
     def say(self, remarks: Remarks, unit: TimeUnit = "us") -> None:
@@ -81,6 +87,17 @@ def _is_turn(before: np.ndarray, after: np.ndarray, bits: int, is_signed: bool) 
     edge = period // (_EDGE if bits == 32 else _NARROW_EDGE)
     low = -(period // 2) if is_signed and bits == 32 else 0  # as signed numbers they turn from 2³¹ to −2³¹
     return (before >= low + period - edge) & (before < low + period) & (after >= low) & (after < low + edge)
+
+
+def _without_strays(
+    turned: Int64[np.ndarray, " n"], steps: Int64[np.ndarray, " m"], bits: int
+) -> Int64[np.ndarray, " k"]:
+    """The turns but those that only take back a leap up, of half a period or more, a few stamps before."""
+    leaps = np.flatnonzero(np.abs(steps) > 1 << (bits - 1))
+    latest = np.searchsorted(leaps, turned) - 1
+    leap = leaps[latest]  # of a turn without any before it, the last one: it is not before it
+    is_stray = (latest >= 0) & (steps[leap] > 0) & (turned - leap <= _FEW)
+    return turned[~is_stray]
 
 
 def _lasts(seconds: float) -> str:

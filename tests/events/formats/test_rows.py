@@ -95,3 +95,17 @@ def test_columns_may_stand_in_any_order():
 def test_a_bad_line_is_named(row):
     with pytest.raises(RecordingError, match=r"test\.txt: line 2"):
         parse(["0.1 1 2 0", row])
+
+
+@pytest.mark.parametrize("column", range(4))
+@pytest.mark.parametrize("rounds", [False, True])
+def test_a_number_with_a_large_exponent_is_never_written_out(column, rounds):
+    row = ["0.1", "1", "2", "0"]
+    row[column] = "1e999999"
+    with pytest.raises(RecordingError, match=r"test\.txt: line 2"):
+        parse(["0.1 1 2 0", " ".join(row)], Columns(0, 1, 2, 3, rounds=rounds))
+
+
+def test_the_largest_stamps_are_read_in_every_unit():
+    for unit, token in (("us", "4e18"), ("ns", "4e21"), ("s", "4e12"), ("ms", "4e15")):
+        assert parse([f"{token} 1 2 0"], Columns(0, 1, 2, 3, 4, unit)).t.tolist() == [4 * 10**18]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -91,3 +93,56 @@ def test_steps_are_judged_alike_in_one_piece_and_in_many():
         part = t[start : start + 7]
         pieces.look(part, start, bool((np.diff(part) >= 0).all()))
     assert whole.fault() == pieces.fault()
+
+
+@pytest.mark.parametrize("form", [".npz", ".csv"])
+@pytest.mark.parametrize("place", [700, 2999])
+def test_an_event_off_the_sensor_and_out_of_time_costs_itself_alone(form, place, tmp_path):
+    t = 5 * 10**6 + np.arange(3000) * 40
+    path, kept = tmp_path / f"a{form}", np.delete(t, place)
+    t[place] = 7
+    events = make_events(3000)
+    x = events.x.astype(np.uint16)
+    x[place] = 4000
+    if form == ".npz":
+        np.savez(path, x=x, y=events.y, t=t, p=events.p)
+    else:
+        path.write_text("t_us,x,y,p\n" + "".join(f"{t[i]},{x[i]},{events.y[i]},{events.p[i]}\n" for i in range(3000)))
+    with open_recording(path, assume=SIZE) as recording:
+        np.testing.assert_array_equal(all_events(recording).t, kept)
+        told = "\n".join(remark.text for remark in recording.remarks)
+    assert f"the first came before event {place}" in told
+    assert "sorted" not in told
+
+
+@pytest.mark.parametrize("bits", [16, 24, 31, 32, 34])
+@pytest.mark.parametrize("num_strays", [1, 3])
+@pytest.mark.parametrize("length", [1, 2, 5, 1000])
+def test_a_few_stamps_at_the_end_of_a_clock_are_no_turn(bits, num_strays, length):
+    period = 1 << bits
+    t = np.arange(1000) % (period >> 10)
+    t.sort()
+    t[500 : 500 + num_strays] = period - 1 - np.arange(num_strays)
+    clock = WrappingClock()
+    found = [clock.unrolled(t[start : start + length]) for start in range(0, len(t), length)]
+    np.testing.assert_array_equal(np.concatenate(found), t)
+    assert clock.turns == 0
+
+
+@pytest.mark.parametrize("length", [1, 7, 5000])
+def test_a_clock_that_paused_for_long_turns_all_the_same(length):
+    t = np.concatenate([np.arange(100), PERIOD - 2000 + np.arange(4000)])
+    clock = WrappingClock()
+    found = [clock.unrolled((t % PERIOD)[start : start + length]) for start in range(0, len(t), length)]
+    np.testing.assert_array_equal(np.concatenate(found), t)
+
+
+@pytest.mark.parametrize("form", [".npz", ".csv"])
+def test_one_stamp_of_ones_moves_nothing_that_follows(form, tmp_path):
+    t = np.arange(3000) * 40
+    t[1200] = PERIOD - 1
+    path = save(tmp_path / f"a{form}", t)
+    with pytest.raises(RecordingError, match="at event 1201"):
+        open_recording(path, assume=SIZE)
+    with open_recording(path, assume=replace(SIZE, sort=True)) as recording:
+        np.testing.assert_array_equal(all_events(recording).t, np.sort(t))

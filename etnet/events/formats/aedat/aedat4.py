@@ -16,6 +16,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.aedat4_header import check_header
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import declared_sensor
+from etnet.events.formats.declared_size import unless_stated
 from etnet.events.formats.decode import collect
 from etnet.events.formats.foreign import listed
 from etnet.events.formats.frames import Frames, attached
@@ -57,7 +58,8 @@ def _open(request: Request) -> Opened:
     camera = frame_streams[0] if wanted is None else wanted
     size = streams[camera]
     where = f"{request.name}: its header"
-    sensor = declared_sensor(size["width"], size["height"], where, request.assume.max_pixels)
+    most = request.assume.max_pixels
+    sensor = unless_stated(request, lambda: declared_sensor(size["width"], size["height"], where, most))
     others = _Others(FrameCache(request.scratch))
     kinds = {number: str(stream["type"]) for number, stream in streams.items()}
     own = own_streams(kinds, camera, event_streams or frame_streams, described.sources)

@@ -20,7 +20,7 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request, containe
 from etnet.events.formats.bounds import check_pixels
 from etnet.events.formats.column_finder import Found, Leaf, Tree, find_events, rank_of
 from etnet.events.formats.column_names import column_keys
-from etnet.events.formats.declared_size import size_beside
+from etnet.events.formats.declared_size import size_beside, unless_stated
 from etnet.events.formats.foreign import listed
 from etnet.events.formats.frame_range import is_colours_first
 from etnet.events.formats.frames import Frames, check_frames, found_frames
@@ -82,7 +82,7 @@ def _open_npz(request: Request) -> Opened:
     with contained(request.name, "the npz archive"):
         tree = leaves_of(store, request.members, request, mapped)
         found = found_in(tree, "an npz", request.name, remarks)
-        declared = size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name)
+        declared = unless_stated(request, lambda: size_beside(tree, "", lambda _: _NO_ATTRIBUTES, request.name))
         made = {name: _short_text(tree[name]) for name in ATTRIBUTES if name in tree}
     opened = open_table(request, Table("npz columns", found.columns, declared, settled=found.unit), remarks)
     return replace(opened, provenance=provenance_of(made))
@@ -145,7 +145,8 @@ def _open_folder(request: Request) -> Opened:
         ]
         tree = {path[len(prefix) :]: leaf for path, leaf in leaves_of(store, inside, request, mapped).items()}
         found = found_in(tree, "a folder of npy files", request.name, remarks)
-        declared = metadata_size(metadata_of(store, prefix, request.name), request.name)
+        metadata = metadata_of(store, prefix, request.name)
+        declared = unless_stated(request, lambda: metadata_size(metadata, request.name))
     frames = found_frames(lambda: _folder_frames(tree, request), request.name, remarks)
     usual = "s" if kind != "npy folder" else None
     table = Table(kind, found.columns, declared, settled=found.unit, usual=usual, frames=frames)

@@ -2,7 +2,8 @@
 
 HDF5 overwrites its own tables in place, so a process that dies in between leaves a file that cannot be read. Here what
 is new goes to the end of the file, where nothing points yet, and what is overwritten waits until `commit`. It is then
-written to a journal beside the file first, which `restore` plays again if the process died while it was at it.
+written to a journal beside the file first, which `restore` plays again if the process died while it was at it. The
+writer holds a lock on its journal, which goes with the process, so that a reader leaves it to a writer that lives.
 A failed write crashes HDF5, so it never hears of one: what the disk did not take is held, and `commit` raises.
 """
 
@@ -11,15 +12,22 @@ from __future__ import annotations
 import io
 import os
 import struct
+import time
 import zlib
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import IO, BinaryIO
 
 from etnet.errors import RecordingError
 from etnet.events.formats.hdf5.at_exit import close_at_exit
-from etnet.files import in_megabytes, write_atomically
+from etnet.files import in_megabytes, replacing
 
 _MAGIC = b"etnetH5J"
 _LARGEST = 1 << 30
+_PATIENCE = 2.0
+"""Seconds that a reader waits for a commit to end; it takes some milliseconds."""
+_PAUSE = 0.005
 
 
 def journal_of(path: Path) -> Path:
@@ -123,11 +131,11 @@ class CommittedFile(io.RawIOBase):
             journal = journal_of(self._path)
             parts = [struct.pack("<QQ", *key) + content for key, content in self._waiting.items()]
             body = struct.pack("<QQ", self._size, len(parts)) + b"".join(parts)
-            write_atomically(journal, _MAGIC + body + struct.pack("<I", zlib.crc32(body)), flushes=False)
-            for (place, _), content in self._waiting.items():
-                _write_all(self._file, content, place)
-            self._waiting.clear()
-            journal.unlink()
+            with _held(journal, _MAGIC + body + struct.pack("<I", zlib.crc32(body))):
+                for (place, _), content in self._waiting.items():
+                    _write_all(self._file, content, place)
+                self._waiting.clear()
+                journal.unlink(missing_ok=True)
         self._committed = self._size
 
     def close(self) -> None:
@@ -147,32 +155,90 @@ class CommittedFile(io.RawIOBase):
 
 
 def restore(path: Path) -> bool:
-    """Finish the commit in which the writer of `path` died, if it did; whether there was one."""
+    """Finish the commit in which the writer of `path` died, if it did; whether there was one.
+
+    A writer that lives finishes its own: it is waited for, and nothing is played.
+    """
     journal = journal_of(path)
     if not journal.is_file():
         return False
     try:
-        if journal.stat().st_size > _LARGEST:
-            raise RecordingError(f"{journal.name}: a journal of more than {in_megabytes(_LARGEST)}; remove it")
-        content = journal.read_bytes()
-        body, check = content[len(_MAGIC) : -4], content[-4:]
-        if content[: len(_MAGIC)] != _MAGIC or len(check) < 4 or zlib.crc32(body) != struct.unpack("<I", check)[0]:
-            return False
-        _, num_parts = struct.unpack_from("<QQ", body)
-        place = 16
-        with path.open("r+b") as file:
-            for _ in range(num_parts):
-                at, length = struct.unpack_from("<QQ", body, place)
-                file.seek(at)
-                file.write(body[place + 16 : place + 16 + length])
-                place += 16 + length
-        journal.unlink(missing_ok=True)
+        with _abandoned(journal) as left:
+            return left is not None and _play(left, journal, path)
     except (OSError, struct.error) as error:
         raise RecordingError(
             f"{path.name}: its writer was stopped, and {journal.name} cannot be played again ({error}); "
             "copy both to a folder where they can be written"
         ) from error
+
+
+def _play(left: BinaryIO, journal: Path, path: Path) -> bool:
+    """Write the parts of a journal to where they belong, and remove it; whether it is whole."""
+    if os.fstat(left.fileno()).st_size > _LARGEST:
+        raise RecordingError(f"{journal.name}: a journal of more than {in_megabytes(_LARGEST)}; remove it")
+    content = left.read()
+    body, check = content[len(_MAGIC) : -4], content[-4:]
+    if content[: len(_MAGIC)] != _MAGIC or len(check) < 4 or zlib.crc32(body) != struct.unpack("<I", check)[0]:
+        return False
+    _, num_parts = struct.unpack_from("<QQ", body)
+    place = 16
+    with path.open("r+b") as file:
+        for _ in range(num_parts):
+            at, length = struct.unpack_from("<QQ", body, place)
+            file.seek(at)
+            file.write(body[place + 16 : place + 16 + length])
+            place += 16 + length
+    journal.unlink(missing_ok=True)
     return True
+
+
+@contextmanager
+def _held(journal: Path, content: bytes) -> Iterator[None]:
+    """A whole journal, locked from before it appears until the block ends."""
+    with ExitStack() as until_then:
+        with replacing(journal, flushes=False) as beside:
+            file = until_then.enter_context(beside.open("wb"))
+            with suppress(OSError):  # a file system without locks
+                _lock(file, is_shared=False)
+            file.write(content)
+            file.flush()
+        yield
+
+
+@contextmanager
+def _abandoned(journal: Path) -> Iterator[BinaryIO | None]:
+    """The journal of a writer that died, locked; None where it lives, or is done by now."""
+    deadline = time.monotonic() + _PATIENCE
+    try:
+        file = journal.open("rb")
+    except FileNotFoundError:
+        yield None
+        return
+    with file:
+        is_free = False
+        while not is_free and time.monotonic() < deadline:
+            try:
+                _lock(file, is_shared=True)  # one alone would need a file that is open for writing, over NFS
+                is_free = True
+            except BlockingIOError:
+                time.sleep(_PAUSE)
+            except OSError:
+                is_free = True  # a file system without locks
+        # One that was removed is of a commit that ended: to play it would undo what came after it.
+        yield file if is_free and os.fstat(file.fileno()).st_nlink else None
+
+
+def _lock(file: IO[bytes], is_shared: bool) -> None:
+    """For as long as it is open, or the process lives.
+
+    Raises:
+        BlockingIOError: another one has it.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return  # not a POSIX system
+    fcntl.flock(file, (fcntl.LOCK_SH if is_shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
 def _write_all(file: int, content: bytes, place: int) -> None:

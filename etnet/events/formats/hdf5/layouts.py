@@ -17,7 +17,7 @@ from etnet.events.formats.base import Format, Opened, Remarks, Request, containe
 from etnet.events.formats.column_finder import Columns, Found, Tree, find_events
 from etnet.events.formats.column_names import stated_unit
 from etnet.events.formats.column_views import Field, Rows
-from etnet.events.formats.declared_size import sensor_resolution, size_beside
+from etnet.events.formats.declared_size import sensor_resolution, size_beside, unless_stated
 from etnet.events.formats.frames import Frames, found_frames
 from etnet.events.formats.hdf5.file import columns, dataset, find, open_file, say_unread
 from etnet.events.formats.hdf5.frames import numbered_frames, stack_without_stamps, stacked_frames, stacked_pair
@@ -147,11 +147,15 @@ def offset_in(file: h5py.File, request: Request) -> int:
 
 def size_in(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
     """The size of the sensor, where the file states it."""
-    stated = sensor_resolution(file.attrs.get("sensor_resolution"), request.name)
-    if stated is not None:
-        return stated
-    attributes = lambda group: attributes_of(file, group, request.name)  # noqa: E731
-    return size_beside(tree, where, attributes, request.name)
+    return unless_stated(request, lambda: _attribute(request, file) or _size_beside(request, file, tree, where))
+
+
+def _attribute(request: Request, file: h5py.File) -> Sensor | None:
+    return sensor_resolution(file.attrs.get("sensor_resolution"), request.name)
+
+
+def _size_beside(request: Request, file: h5py.File, tree: Tree, where: str) -> Sensor | None:
+    return size_beside(tree, where, lambda group: attributes_of(file, group, request.name), request.name)
 
 
 def frames_in(request: Request, file: h5py.File, tree: Tree, remarks: Remarks) -> Frames | None:
@@ -184,7 +188,7 @@ def _open_mvsec(request: Request, file: h5py.File) -> Opened:
         most = request.assume.max_pixels
         pair = f"{where}/image_raw", f"{where}/image_raw_ts"
         frames = found_frames(lambda: stacked_frames(file, *pair, name, most), name, remarks)
-    stated = sensor_resolution(file.attrs.get("sensor_resolution"), name)
+    stated = unless_stated(request, lambda: _attribute(request, file))
     declared = stated or (frames.size if frames is not None else _DAVIS346)
     if frames is None and stated is None and request.assume.sensor is None:
         remarks.assumed("sensor 346×260, MVSEC's DAVIS346: the file has no pictures that would tell")

@@ -71,9 +71,13 @@ class Header:
             sides = [self.fields.get("Width", ""), self.fields.get("Height", "")]
         if all(side.strip().isdigit() for side in sides):
             width, height = (int(side) for side in sides)
-            if not (0 < width <= 65_536 and 0 < height <= 65_536):
-                raise RecordingError(f"{name}: its header gives the sensor {width} × {height}; sides are 1 … 65,536")
-            return Sensor(width, height)
+            if 0 < width <= 65_536 and 0 < height <= 65_536:
+                return Sensor(width, height)
+            if not is_stated:
+                raise RecordingError(
+                    f"{name}: its header gives the sensor {width} × {height}; sides are 1 … 65,536: state the size "
+                    "with --assume width=…,height=…"
+                )
         if is_stated:
             return None
         plugin = self.fields.get("plugin_name", "")

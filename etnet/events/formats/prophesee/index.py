@@ -20,6 +20,9 @@ from etnet.events.recording import Growth
 BLOCK_BYTES = 1 << 19
 """Of the file, between two states that the index keeps."""
 
+_DECODING = 1
+"""Raised when words are decoded in another way: what was kept before is then made again."""
+
 _MOST_GROWING = 8
 """Indices that are held while they grow, and after it where the cache folder does not take them."""
 
@@ -86,7 +89,7 @@ def index_of(request: Request, blocks: Blocks, version: str, remarks: Remarks) -
 
     Of an index that is being made already a patient request takes what is there; its growth tells of the rest.
     """
-    path = index_path(request.path, f"EVT {version} by {BLOCK_BYTES}")
+    path = index_path(request.path, f"EVT {version} by {BLOCK_BYTES}, {_DECODING}")
     kept = load_index(path)
     if kept is not None and _fits(kept, blocks.num_blocks):
         return kept, None

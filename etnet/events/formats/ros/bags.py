@@ -14,6 +14,7 @@ from etnet.events.events import Sensor
 from etnet.events.formats.archive import FolderStore
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
 from etnet.events.formats.bounds import declared_sensor
+from etnet.events.formats.declared_size import unless_stated
 from etnet.events.formats.decode import Collected, Decoded, collect
 from etnet.events.formats.prophesee.evt2_evt3 import EVT, Version
 from etnet.events.formats.prophesee.evt21 import EVT21, judged_version
@@ -94,7 +95,8 @@ class _Bag:
     def _size(self, width: int, height: int) -> None:
         if self.sensor is None and width and height:
             where = f"{self.request.name}: a message of {_told(self.event_topic)}"
-            self.sensor = declared_sensor(width, height, where, self.request.assume.max_pixels)
+            most = self.request.assume.max_pixels
+            self.sensor = unless_stated(self.request, lambda: declared_sensor(width, height, where, most))
 
 
 def _guarded(bag: _Bag, messages: Iterator[Message], what: str) -> Iterator[Decoded | Packet]:

@@ -49,7 +49,7 @@ class Layout:
 def looks_like_events(head: bytes) -> bool:
     """Whether these are rows of events: four numbers each, or with names that say which are."""
     try:
-        start = _start(head, "head")
+        start = _start(head, "head", is_size_stated=True)  # a size that is nonsense is said on opening
     except RecordingError:
         return False
     if start is None or start.names:
@@ -65,9 +65,14 @@ def looks_like_rows(head: bytes) -> bool:
         return True
 
 
-def text_layout(head: bytes, name: str, remarks: Remarks, stated: TimeUnit | None) -> tuple[Layout, TimeUnit | None]:
-    """The layout, and the unit if a person or the name of a column states it; all of it is said."""
-    start = _start(head, name)
+def text_layout(
+    head: bytes, name: str, remarks: Remarks, stated: TimeUnit | None, is_size_stated: bool = False
+) -> tuple[Layout, TimeUnit | None]:
+    """The layout, and the unit if a person or the name of a column states it; all of it is said.
+
+    A size in it that is nonsense is an error, unless a person states the size.
+    """
+    start = _start(head, name, is_size_stated)
     if start is None:
         raise RecordingError(
             f'{name}: its first lines are not "t x y p" in numbers; '
@@ -127,23 +132,23 @@ def _counting(start: Layout, columns: Columns, unit: TimeUnit | None) -> Layout:
     return Layout(found, start.num_bytes, start.num_lines, start.sensor, start.names, start.sample)
 
 
-def _start(head: bytes, name: str) -> Layout | None:
+def _start(head: bytes, name: str, is_size_stated: bool = False) -> Layout | None:
     """The first row and what stands before it; None where no rows of numbers come."""
     consumed = len(BYTE_ORDER_MARK) if head.startswith(BYTE_ORDER_MARK) else 0
     sensor: Sensor | None = None
     names: tuple[str, ...] = ()
-    sides: dict[bytes, int] = {}
+    sides: dict[bytes, bytes] = {}
     for number, line in enumerate(head[consumed:].splitlines(keepends=True), 1):
         words = line.strip()
         if not words or words.startswith(_COMMENTS):
-            sensor = _declared(words, sides, name) or sensor
+            sensor = _declared(words, sides, name, is_size_stated) or sensor
             names = _names_in(words.lstrip(b"#%/ !")) or names
         elif not words.lower().startswith(b"sep="):  # which Excel writes and reads
             has_comma = _has_decimal_comma(words)
             row = plain_row(words, has_comma).split()
             if _are_values(row):
                 if len(row) == 2 and sensor is None and not names and all(token.isdigit() for token in row):
-                    sensor = declared_sensor(int(row[0]), int(row[1]), f"{name}: its first line", ANY_PIXELS)
+                    sensor = _sensor(row[0], row[1], f"{name}: its first line", is_size_stated)
                 elif len(row) >= 4:
                     return _layout(head, consumed, names, len(row), has_comma, sensor, name)
                 else:
@@ -163,18 +168,27 @@ def _start(head: bytes, name: str) -> Layout | None:
     return None
 
 
-def _declared(comment: bytes, sides: dict[bytes, int], name: str) -> Sensor | None:
+def _sensor(width: bytes, height: bytes, where: str, is_size_stated: bool) -> Sensor | None:
+    try:
+        return declared_sensor(int(width), int(height), where, ANY_PIXELS)
+    except RecordingError:
+        if not is_size_stated:
+            raise
+        return None
+
+
+def _declared(comment: bytes, sides: dict[bytes, bytes], name: str, is_size_stated: bool) -> Sensor | None:
     """The sensor that a comment states; `sides` keeps one that stands on a line of its own."""
     geometry = _GEOMETRY.search(comment)
     if geometry is not None:
-        return declared_sensor(int(geometry[1]), int(geometry[2]), f"{name}: its head", ANY_PIXELS)
+        return _sensor(geometry[1], geometry[2], f"{name}: its head", is_size_stated)
     side = _SIDE.search(comment)
     if side is None:
         return None
-    sides[side[1].lower()] = int(side[2])
+    sides[side[1].lower()] = side[2]
     if len(sides) < 2:
         return None
-    return declared_sensor(sides[b"width"], sides[b"height"], f"{name}: its head", ANY_PIXELS)
+    return _sensor(sides[b"width"], sides[b"height"], f"{name}: its head", is_size_stated)
 
 
 def _layout(

@@ -23,7 +23,7 @@ def text_piece(request: Request, path: Path, label: str) -> Piece | None:
         head = stream.read(HEAD_BYTES)
         if not looks_like_events(head):
             return None
-        layout, unit = text_layout(head, label, Remarks(), None)
+        layout, unit = text_layout(head, label, Remarks(), None, request.assume.sensor is not None)
         has_fractions = any(has_fraction(row[layout.columns.t]) for row in layout.sample)
         # To the parser fractions are seconds, which it turns into µs exactly, and whole numbers µs.
         columns = replace(

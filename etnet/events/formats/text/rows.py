@@ -34,6 +34,9 @@ BLOCK = 1 << 19
 
 LONGEST_LINE = 4096
 
+_MOST_DIGITS = 27
+"""Before the point: 2⁶² µs in ns have 22. To write out 10⁹⁹⁹⁹⁹⁹ as a whole number takes minutes."""
+
 _TO_SPACES = bytes.maketrans(b",;\t", b"   ")
 _COMMAS_TO_POINTS = bytes.maketrans(b",;\t", b".  ")
 _WORDS = re.compile(rb"(?<!\S)(?:true|false|on|off)(?!\S)", re.IGNORECASE)
@@ -196,6 +199,8 @@ def _one_by_one(block: bytes, stored: bytes, columns: Columns, name: str, first_
             if len(tokens) != columns.count:
                 raise ValueError(f"{len(tokens)} columns")
             values = [Decimal(tokens[i].decode("ascii")) for i in (columns.x, columns.y, columns.t, columns.p)]
+            if not all(value.is_finite() and value.adjusted() <= _MOST_DIGITS for value in values):
+                raise ValueError("a number beyond 64 bits")
             stamp = int((values[2] * scale).to_integral_value(ROUND_HALF_EVEN))
             x, y = (_pixel(value, columns.rounds) for value in values[:2])
             p = _whole(values[3])

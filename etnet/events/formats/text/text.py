@@ -16,6 +16,7 @@ from etnet.errors import RecordingError
 from etnet.events.assumptions import TimeUnit
 from etnet.events.formats.archive import FolderStore, Store, ZipStore
 from etnet.events.formats.base import Format, Opened, Remarks, Request, contained
+from etnet.events.formats.declared_size import unless_stated
 from etnet.events.formats.decode import collect
 from etnet.events.formats.frames import Frames, attached, found_frames
 from etnet.events.formats.metadata import metadata_of, metadata_size
@@ -61,9 +62,10 @@ def _open_stream(
     remarks = Remarks()
     with opener() as stream:
         head = stream.read(HEAD_BYTES)
-    layout, unit = text_layout(head, request.name, remarks, request.assume.time_unit)
+    is_stated = request.assume.sensor is not None
+    layout, unit = text_layout(head, request.name, remarks, request.assume.time_unit, is_stated)
     frames, metadata = (None, {}) if store is None or member is None else _beside(request, store, member, remarks)
-    declared = layout.sensor or metadata_size(metadata, request.name)
+    declared = layout.sensor or unless_stated(request, lambda: metadata_size(metadata, request.name))
     with opener() as stream:
         stream.read(layout.num_bytes)
         columns = replace(layout.columns, rounds=request.assume.pixels == "rounded")
