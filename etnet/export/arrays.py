@@ -120,7 +120,7 @@ def _numpy(tensor: Tensor) -> np.ndarray:
 
 
 def _opened(
-    path: Path, length: int, facts: Mapping[str, Any], is_cancelled: IsCancelled | None
+    path: Path, length: int, facts: Mapping[str, Any], is_cancelled: IsCancelled | None = None
 ) -> AbstractContextManager[ArraySink]:
     if path.suffix == ".npz":
         return _npz(path, length, facts, is_cancelled)

@@ -288,7 +288,7 @@ def test_another_fault_ends_the_source_with_a_sentence_and_what_came_stays():
 
 def test_without_the_driver_the_command_that_installs_it_is_said(monkeypatch):
     monkeypatch.setitem(sys.modules, "neuromorphic_drivers", None)
-    with pytest.raises(RecordingError, match=r"pip install 'etnet\[live\]'"):
+    with pytest.raises(RecordingError, match=r"pip install neuromorphic-drivers"):
         driver_module()
 
 

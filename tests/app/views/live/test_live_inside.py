@@ -37,6 +37,8 @@ async def follows(browser, viewer, num_windows=10):
 async def go_back(browser, viewer, index):
     """To a window of the past, whose image is there with what the chosen pixel looks at."""
     session = next(iter(viewer.sessions.values()))
+    # A moment past the last window that a page knows is the newest one.
+    await browser.until(lambda: len(viewer.page.placed.windows) > index + 1)
     moment = viewer.feed.windows.kept[index].t_stop - viewer.feed.live.extent().first_stamp
     await press(browser, f"goto:{moment / 1e6:.6f}")
     await browser.until(lambda: not viewer.page.follows and viewer.page.state.index == index)
