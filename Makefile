@@ -5,6 +5,9 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 FILE ?=
 OUT ?= pictures
+# Processes that share the tests, by files; they wait for pages more than they compute. 0: one after the other, in this one.
+JOBS ?= 3
+SHARED = --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder
 # Benchmarks that want pictures or recordings of yours, and what others import.
 NEED_FILES := benchmarks/measure.py benchmarks/simulate.py benchmarks/simulate_real.py
 
@@ -31,7 +34,7 @@ test-tools: $(VENV)/.test
 	@tests/install_browser.sh
 
 test: test-tools
-	@$(BIN)/python -m pytest -m "not slow"
+	@$(BIN)/python -m pytest -m "not slow" $(SHARED)
 
 test-slow: test-tools
 	@$(BIN)/python -m pytest -m slow
