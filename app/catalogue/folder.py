@@ -19,7 +19,7 @@ MAX_FOLDERS = 10_000
 RESTS = 2.0
 """Seconds for which a file that came or changed must stay as it is before it is offered."""
 _KEPT_TURNS = 10_000
-_BESIDE_EVENTS = {"images.txt", "calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
+_BESIDE_EVENTS = {"calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy")
 
 Sign = tuple[int, int]
@@ -32,6 +32,7 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
     No link to a folder is followed: it leads in a circle, or out, or to what is found without it. A file may be a link
     if what it leads to lies in `folder` too; a watched folder offers nothing that lies elsewhere.
     """
+    from etnet.events.formats.picture_lists import is_list
     from etnet.events.formats.registry import FORMATS
 
     suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
@@ -46,14 +47,14 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
             if os.path.isdir(path):
                 if os.path.islink(path):
                     continue
-                if any(os.path.isfile(path / sign) and lies_in(root, path / sign) for sign in _FOLDER_SIGNS):
+                if _is_recording(root, path):
                     found[path] = sign_of(path)
                 elif num_folders < MAX_FOLDERS:
                     waiting.append(path)
                     num_folders += 1
             elif not lies_in(root, path):
                 continue
-            elif path.suffix.lower() in suffixes and path.name.lower() not in _BESIDE_EVENTS:
+            elif path.suffix.lower() in suffixes and path.name.lower() not in _BESIDE_EVENTS and not is_list(path.name):
                 found[path] = sign_of(path)
     return dict(list(found.items())[:MAX_ENTRIES])
 
@@ -81,6 +82,15 @@ def size_of(path: Path) -> str:
 def lies_in(root: str | Path, path: Path) -> bool:
     """Whether a file, or what its link leads to, is below `root`."""
     return not os.path.islink(path) or Path(os.path.realpath(path)).is_relative_to(root)
+
+
+def _is_recording(root: str, folder: Path) -> bool:
+    """Whether a folder is one recording by the names in it: a sign of its format, or its columns as npy files."""
+    from etnet.events.formats.arrays.npy import folder_prefixes
+
+    told = [each for each in _inside(folder) if each.name in _FOLDER_SIGNS or each.suffix.lower() == ".npy"]
+    names = tuple(each.name for each in told if lies_in(root, each) and os.path.isfile(each))
+    return any(sign in names for sign in _FOLDER_SIGNS) or "" in folder_prefixes(names)
 
 
 def _inside(folder: Path) -> list[Path]:

@@ -92,3 +92,14 @@ def test_weights_whose_folder_lets_itself_be_listed_and_no_more_are_no_networks(
     deny(monkeypatch, closed, ("stat", "lstat"))
     assert not any(model.id.startswith("data-") for model in offered_models(ViewerConfig(data=watched)))
     assert names_in(watched) == ["a.txt", "sub/b.txt"]
+
+
+def test_columns_are_one_recording_and_lists_of_pictures_are_none(watched):
+    columns = watched / "columns"
+    columns.mkdir()
+    for name in ("x", "y", "t", "p"):
+        (columns / f"{name}.npy").write_bytes(b"")
+    (watched / "sub" / "other.npy").write_bytes(b"")  # not the columns of anything
+    for name in ("stamps.csv", "timestamps.txt", "images.txt"):
+        (watched / "sub" / name).write_text("1\n")
+    assert names_in(watched) == ["a.txt", "columns", "sub/b.txt", "sub/other.npy"]
