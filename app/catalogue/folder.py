@@ -19,7 +19,6 @@ MAX_FOLDERS = 10_000
 RESTS = 2.0
 """Seconds for which a file that came or changed must stay as it is before it is offered."""
 _KEPT_TURNS = 10_000
-_BESIDE_EVENTS = {"calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt"}
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy")
 
 Sign = tuple[int, int]
@@ -32,7 +31,7 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
     No link to a folder is followed: it leads in a circle, or out, or to what is found without it. A file may be a link
     if what it leads to lies in `folder` too; a watched folder offers nothing that lies elsewhere.
     """
-    from etnet.events.formats.picture_lists import is_list
+    from etnet.events.formats.picture_lists import is_beside_events
     from etnet.events.formats.registry import FORMATS
 
     suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix} | {*VIDEO_SUFFIXES}
@@ -54,7 +53,7 @@ def recordings_in(folder: Path) -> dict[Path, Sign]:
                     num_folders += 1
             elif not lies_in(root, path):
                 continue
-            elif path.suffix.lower() in suffixes and path.name.lower() not in _BESIDE_EVENTS and not is_list(path.name):
+            elif path.suffix.lower() in suffixes and not is_beside_events(path.name):
                 found[path] = sign_of(path)
     return dict(list(found.items())[:MAX_ENTRIES])
 

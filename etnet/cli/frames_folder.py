@@ -8,18 +8,14 @@ from pathlib import Path
 from etnet.cli.many import DONE, note_of
 from etnet.errors import EtnetError
 from etnet.events.formats.picture_lists import OWN_FRAMES
+from etnet.export.frame_files import FRAME, STAMPS
 
-STAMPS, VIDEO, MARKER = "stamps.csv", "video.mp4", OWN_FRAMES
+VIDEO, MARKER = "video.mp4", OWN_FRAMES
 """Beside the folder of the frames, in OUT. Where the marker lies, frames, stamps and video are this command's."""
 SETTINGS = "Reconstruct("
 """What the settings begin with that this command notes of a finished recording; others' are not its own."""
 FRAMES, KALIBR = "frames", "cam0"
-_NAMES = {FRAMES: re.compile(r"frame_\d{6,}\.png"), KALIBR: re.compile(r"\d{19}\.png")}
-
-
-def frame_name(index: int) -> str:
-    """A frame's file in `frames`."""
-    return f"frame_{index:06d}.png"
+_NAMES = {FRAMES: FRAME, KALIBR: re.compile(r"\d{19}\.png")}
 
 
 def kalibr_name(nanoseconds: int) -> str:

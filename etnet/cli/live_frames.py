@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from jaxtyping import Float
 
-from etnet.cli.frames_folder import FRAMES, STAMPS, frame_name, make_room
+from etnet.cli.frames_folder import FRAMES, make_room
 from etnet.cli.progress import console, track
 from etnet.cli.recording import Opening, open_with_progress
 from etnet.errors import WindowError
 from etnet.events.opened_as import WHOLE_VIEW
+from etnet.export.frame_files import STAMPS, frame_name
 from etnet.live.binning import binned
 from etnet.live.log import windows_as_cut
 from etnet.windows import Window

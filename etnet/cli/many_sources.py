@@ -11,7 +11,6 @@ from etnet.cli.many import CLAIM, FAILED
 from etnet.errors import EtnetError
 
 _FOLDER_SIGNS = ("events.txt", "events_ts.npy", "metadata.yaml")
-_BESIDE_EVENTS = ("calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt")
 _DEEPEST = 3
 """Folders down from one that is opened as a whole in which its events are found."""
 
@@ -40,21 +39,21 @@ def check_apart(paths: Sequence[Path], out: Path) -> None:
 
 
 def _recordings_below(path: Path, out: Path) -> list[Path]:
-    from etnet.events.formats.picture_lists import is_list
+    from etnet.events.formats.picture_lists import is_beside_events
     from etnet.events.formats.registry import FORMATS
     from etnet.events.open import is_one_recording
 
     if not path.is_dir() or any((path / sign).is_file() for sign in _FOLDER_SIGNS) or is_one_recording(path):
         return [path]
     suffixes = {suffix for entry in FORMATS for suffix in entry.suffixes if suffix}
-    beside = (*_BESIDE_EVENTS, FAILED) if (path / CLAIM).is_file() else _BESIDE_EVENTS
+    own = (FAILED,) if (path / CLAIM).is_file() else ()
     found: list[Path] = []
     for each in sorted(path.iterdir()):
         if each.name.startswith(".") or each.resolve() == out:
             continue
         if each.is_dir():
             found += _recordings_below(each, out)
-        elif each.suffix.lower() in suffixes and each.name.lower() not in beside and not is_list(each.name):
+        elif each.suffix.lower() in suffixes and each.name not in own and not is_beside_events(each.name):
             found.append(each)
     return [path] if len(found) == 1 and _belong_together(path, found[0], out) else found
 

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import tyro
 
 from etnet.arguments import parsed
-from etnet.cli.frames_folder import FRAMES, KALIBR, STAMPS, VIDEO, check_frames, frame_name, kalibr_name, make_room
+from etnet.cli.frames_folder import FRAMES, KALIBR, VIDEO, check_frames, kalibr_name, make_room
 from etnet.cli.live import ReconstructLive
 from etnet.cli.live import run as run_live
 from etnet.cli.live_frames import run_as_cut
@@ -24,6 +24,7 @@ from etnet.cli.recording import Opening, chosen_windows, open_with_progress
 from etnet.errors import EtnetError, RecordingError, WindowError
 from etnet.events.moments import Moments, divided, moments_of_frames, moments_of_triggers, read_moments
 from etnet.events.recording import Recording
+from etnet.export.frame_files import STAMPS, frame_name
 from etnet.windows import ByCount, ByDuration, ByStamps, Policy, Window, plan_windows
 
 LARGE_SENSOR = 400_000

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
+from etnet.export.frame_files import FRAME, STAMPS, frame_name
 from etnet.export.images import write_png
 from etnet.export.pictures import Look, draw
 from etnet.export.take import IsCancelled, Progress, Take
 from etnet.files import write_atomically
-
-STAMPS = "stamps.csv"
-_NAME = re.compile(r"frame_\d{6,}\.png")
 
 
 def write_frames(
@@ -33,7 +30,7 @@ def write_frames(
         window = moment.window
         if len(stamps) == 1:
             _make_room(folder)
-        write_png(folder / f"frame_{window.index:06d}.png", picture)
+        write_png(folder / frame_name(window.index), picture)
         stamps.append(f"{window.index},{window.t_stop},{window.t_start},{window.num_events}")
     write_atomically(folder / STAMPS, ("\n".join(stamps) + "\n").encode())
     return len(take)
@@ -41,7 +38,7 @@ def write_frames(
 
 def _make_room(folder: Path) -> None:
     """Take a former take away, its table first: what is stopped from here on never passes for finished."""
-    former = [folder / STAMPS, *(path for path in folder.iterdir() if _NAME.fullmatch(path.name))]
+    former = [folder / STAMPS, *(path for path in folder.iterdir() if FRAME.fullmatch(path.name))]
     for path in former:
         if path.is_file() or path.is_symlink():
             path.unlink()

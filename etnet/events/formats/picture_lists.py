@@ -28,6 +28,7 @@ from etnet.events.formats.frames import Frames
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
 _LISTS = re.compile(r"^((images?|frames?|pictures?|rgb|aps|img)?_?(list|ts|times?|(time_?)?stamps?)?)\.(txt|csv)$")
+_BESIDE_EVENTS = ("calib.txt", "groundtruth.txt", "imu.txt", "readme.txt", "license.txt")
 OWN_FRAMES = ".etnet-frames"
 """Beside frames that `etnet reconstruct` wrote, and their stamps: no camera took them."""
 _OWN = re.compile(r"(frames|cam0)/[^/]*\.png|stamps\.csv")
@@ -67,6 +68,11 @@ def pictures_beside(store: Store, prefix: str, label: str, remarks: Remarks, max
 def is_list(name: str) -> bool:
     """Whether a file's name is one that lists of pictures have: it holds no events."""
     return _LISTS.match(name.lower()) is not None
+
+
+def is_beside_events(name: str) -> bool:
+    """Whether a file lies beside events and holds none, by its name: a list of pictures, poses, a licence."""
+    return name.lower() in _BESIDE_EVENTS or is_list(name)
 
 
 def _without_own(names: Sequence[str]) -> list[str]:
